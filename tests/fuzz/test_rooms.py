@@ -21,6 +21,8 @@ from lidarspectra.workflow.init.proposed_lamps import propose_panels
 
 from . import rooms
 
+pytestmark = pytest.mark.usefixtures("few_viewpoints")
+
 ROOMS = 6  # of several changes each
 QUICK = (rooms.holes, rooms.few_faces, rooms.slivers)
 

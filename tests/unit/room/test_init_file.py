@@ -14,10 +14,15 @@ import trimesh
 from lidarspectra.config import parse_run_file, read_run_file
 from lidarspectra.errors import ArgumentError, DatabaseError, RunFileError, ScanError, SensorError, WorkspaceError
 from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.progress import Progress
 from lidarspectra.workflow.init import init_file
 from lidarspectra.workflow.init.choices import InitChoices
 from lidarspectra.workflow.init.init_file import write_init
 from lidarspectra.workflow.init.summary import InitSummary
+
+pytestmark = pytest.mark.usefixtures("few_viewpoints")
+
+LOOKED: dict[tuple[bytes, str], init_file._Looked] = {}  # by a scan's bytes and what was asked (`looked_once`)
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +65,25 @@ def small_room(builder, tmp_path_factory):
     room.box([0, 0, 0], [2, 2, 2.5], inward=True)
     room.write_glb(path := tmp_path_factory.mktemp("small") / "room.glb")
     return path
+
+
+@pytest.fixture
+def looked_once(monkeypatch) -> None:
+    """What is found in the bytes of a scan is found once, whatever its name is and whatever is known of its lamps."""
+    look = init_file._look
+
+    def once(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progress) -> init_file._Looked:
+        record = read_scan(scan_path, unit=choices.unit, up=choices.up, level=choices.level).record
+        alike = replace(choices, spectrum=None, luminous_flux_lm=None)
+        key = (scan_path.read_bytes(), repr(alike))
+        if key not in LOOKED:
+            LOOKED[key] = look(scan_path, out_path, alike, progress)
+        found = LOOKED[key]
+        told = {"given": choices.given, "spectrum": choices.spectrum, "luminous_flux_lm": choices.luminous_flux_lm}
+        summary = replace(found.summary, run_file=out_path, scan=record, **told)
+        return replace(found, summary=summary, scan=replace(found.scan, record=record))
+
+    monkeypatch.setattr(init_file, "_look", once)
 
 
 @pytest.fixture(scope="module")
@@ -211,6 +235,7 @@ def test_panels_keep_clear_of_ducts_and_follow_a_turned_room(builder) -> None:
     np.testing.assert_allclose(np.abs(sides).min(axis=1), 0.0, atol=0.02)
 
 
+@pytest.mark.usefixtures("looked_once")
 @pytest.mark.parametrize(
     "name",
     [
@@ -236,6 +261,7 @@ def test_any_file_name_survives(small_room, tmp_path, name) -> None:
     assert (tmp_path / "runs" / table["scan"]["file"]).samefile(scan)
 
 
+@pytest.mark.usefixtures("looked_once")
 def test_a_run_file_that_is_there_is_kept_unless_forced(small_room, tmp_path) -> None:
     path = tmp_path / "room.toml"
     path.write_text("mine", encoding="utf-8")
@@ -272,6 +298,7 @@ def test_what_the_user_gives_is_taken_and_not_assumed(odd_room, tmp_path) -> Non
     assert "may be wrong" not in text
 
 
+@pytest.mark.usefixtures("looked_once")
 def test_what_all_lamps_have_alike_is_given_once_and_not_assumed(lit_room, dark_room, tmp_path, monkeypatch) -> None:
     (tmp_path / "here").mkdir()
     (tmp_path / "runs").mkdir()
@@ -404,6 +431,7 @@ def test_a_missing_scan_leaves_no_run_file(tmp_path) -> None:
     assert not (tmp_path / "room.toml").exists()
 
 
+@pytest.mark.usefixtures("looked_once")
 def test_a_place_that_cannot_be_written_is_a_clear_error(small_room, tmp_path) -> None:
     with pytest.raises(WorkspaceError, match="--out"):
         write_init(small_room, tmp_path / "nowhere" / "room.toml")
