@@ -10,7 +10,7 @@ import sys
 import sysconfig
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -24,6 +24,7 @@ from PIL import Image
 
 from lidarspectra.cli.app import main
 from lidarspectra.mapping.report import report_writer
+from lidarspectra.radiance.engine.options import NOISE_LEVELS
 from lidarspectra.radiance.pictures import render
 from lidarspectra.workflow.materials import picture_evidence
 from lidarspectra.workflow.pipeline import run
@@ -166,6 +167,13 @@ def coarse_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """
     monkeypatch.setattr(render, "AMBIENT_DIVISIONS", 16)
     monkeypatch.setattr(render, "BOUNCES", 2)
+
+
+@pytest.fixture
+def coarse_traces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Light is traced to a tenth, whatever noise is asked for: where nobody looks at its numbers."""
+    for noise, level in NOISE_LEVELS.items():
+        monkeypatch.setitem(NOISE_LEVELS, noise, replace(level, relative_se=0.1))
 
 
 @dataclass(frozen=True, kw_only=True)

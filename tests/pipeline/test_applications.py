@@ -86,7 +86,7 @@ def test_a_cell_s_current_is_mapped_and_its_channels_tell_the_same(finished: Pat
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("undrawn_figures")
+@pytest.mark.usefixtures("undrawn_figures", "coarse_traces")
 def test_the_best_place_faces_the_lamps(finished: Path, tmp_path: Path) -> None:
     answer = told("cells", "place", finished, "--cell", "silicon", "--size", 4, 2, "--tilt", 0, "--tilt", 180,
                  "--count", 3, "--wall", 2.0, "--out", tmp_path / "places")  # fmt: skip

@@ -93,6 +93,8 @@ def test_a_run_that_ended_before_it_had_the_light_of_its_run_file_is_not_calibra
 def test_the_command_finds_what_was_wrong_and_the_run_goes_on_from_there(
     run: Path, readings: pd.DataFrame, command_line: CommandLine, tmp_path: Path
 ) -> None:
+    (run.parent / "room.calibrated.toml").unlink(missing_ok=True)  # of a try that failed, which would refuse the next
+    shutil.rmtree(run.parent / "room.calibrated.run", ignore_errors=True)
     file = tmp_path / "readings.csv"
     readings.to_csv(file, index=False)
     answer = command_line("calibrate", run, "--measured", file, "--despite-doubts")

@@ -113,14 +113,14 @@ def replaced_tables(run_file: str, tables: str) -> str:
 def smaller(text: str) -> str:
     """A command, or Python, that is done sooner: the test looks at none of its numbers.
 
-    Pictures are an eighth as wide and high, fingerprints are traced to twice the error.
+    Pictures are an eighth as wide and high, fingerprints are traced to three times the error.
     """
     text = re.sub(
         r"(--size |pixels=\()(\d+)(x|, )(\d+)",
         lambda size: f"{size[1]}{int(size[2]) // 8}{size[3]}{int(size[4]) // 8}",
         text,
     )
-    return re.sub(r"(--error |--effect-error )(\d+)", lambda error: f"{error[1]}{2 * int(error[2])}", text)
+    return re.sub(r"(--error |--effect-error )(\d+)", lambda error: f"{error[1]}{3 * int(error[2])}", text)
 
 
 def do_command(text: str) -> None:
@@ -201,7 +201,7 @@ def shows_something(page: Path) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("year_traced_once", "coarse_pictures", "undrawn_figures")
+@pytest.mark.usefixtures("year_traced_once", "coarse_traces", "coarse_pictures", "undrawn_figures")
 @pytest.mark.parametrize("page", [page for page in PAGES if shows_something(page)], ids=lambda page: page.stem)
 def test_what_a_page_shows_works(
     page: Path,

@@ -146,8 +146,8 @@ def test_the_difference_is_that_of_two_whole_traces(office, sensors, effects, ac
     block = box((1.0, 1.2, 0.1), (2.0, 2.0, 1.7))
     wearing = Spectrum(wavelengths_nm=np.array([380.0, 780.0]), values=np.array([0.1, 0.95]))
     (found,) = effects(scene, lamps, points, [obstacle(block, wearing)], accuracy, walks=1597)
-    empty, empty_se = irradiance(scene, points, accuracy, 0.004)
-    full, full_se = irradiance(make((block, wearing), walls=walls), points, accuracy, 0.004)
+    empty, empty_se = irradiance(scene, points, accuracy, 0.003)
+    full, full_se = irradiance(make((block, wearing), walls=walls), points, accuracy, 0.003)
     error = np.sqrt(found.effect_se**2 + empty_se**2 + full_se**2)
     difference = found.effect - (full - empty)
     # Eight of the combined error, as in `check`: chance passes it less than once in a million runs.
