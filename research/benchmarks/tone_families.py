@@ -2,7 +2,8 @@
 
     python -m research.benchmarks.tone_families poly.toml
 
-Of each family, fitted to the same groups of surfaces: power and shoulder, the logarithm of its evidence, the scatter
+Of each family, fitted to the same groups of surfaces (where the usual one is not clear, then to another's): power and
+shoulder, the logarithm of its evidence, the scatter
 within surfaces that it leaves, and the probability that the run gives it. Then the walls' materials, as
 `research.benchmarks.paints` prints them, as the run chooses the family, and by the evidence alone.
 """
@@ -25,20 +26,20 @@ from lidarspectra.workflow.pipeline import run
 from lidarspectra.workflow.run_folder.workspace import stage_folder
 from research.benchmarks.paints import wall_in_words
 
-Choice = Callable[[Sequence[LightFit]], FloatArray]
+Choice = Callable[..., FloatArray]
 
 
-def by_evidence(fits: Sequence[LightFit]) -> FloatArray:
+def by_evidence(*groupings: Sequence[LightFit]) -> FloatArray:
     """(fit,) probability of each family by its evidence, whatever scatter it leaves [0-1]."""
-    return probabilities([replace(fit, scatter=0.0) for fit in fits])
+    return probabilities(*([replace(fit, scatter=0.0) for fit in fits] for fits in groupings))
 
 
 def printed(choose: Choice) -> Choice:
     """The same choice, which prints what it chooses from."""
 
-    def choose_and_print(fits: Sequence[LightFit]) -> FloatArray:
-        found = choose(fits)
-        for fit, share in zip(fits, found, strict=True):
+    def choose_and_print(*groupings: Sequence[LightFit]) -> FloatArray:
+        found = choose(*groupings)
+        for fit, share in zip(groupings[-1], found, strict=True):
             print(
                 f"power {fit.tone.power:.2f}, shoulder {fit.tone.shoulder:.2f}: log evidence {fit.log_evidence:.1f}, "
                 f"scatter {fit.scatter:.4f}, probability {100 * share:.1f} %",

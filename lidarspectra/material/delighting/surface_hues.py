@@ -1,14 +1,16 @@
 """Groups of surface points that most likely have one reflectance: of a plane and hue, whatever their brightness.
 
-Points must not be separated by brightness: its change over a surface is the evidence of the light.
+Points must not be separated by brightness: its change over a surface is the evidence of the light. Nor by hues that a
+picture does not tell apart (`told_hues`), of which a wrong camera makes brightness.
 """
 
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, distinct_rows
+from lidarspectra.material.delighting.told_hues import told_hues
 from lidarspectra.material.k_means import k_means
 
-HUES = 7  # that a room is sorted into
+HUES = 7  # that a room is sorted into, before those of a plane that a picture does not tell apart are put together
 HUE_STEPS = 100  # of a unit, to which hues are rounded before they are sorted: so few that many starts take no time
 HUE_FLOOR = 0.01  # [1] of white, added before logarithms: a darker colour has no hue to speak of
 HUE_STARTS = 32  # K-means restarts: as many as find the same groups from any seed, in round-off and in noise
@@ -27,7 +29,7 @@ def surface_groups(
     turn_deg: float,
     piece: IntArray | None = None,
 ) -> IntArray:
-    """Group points by plane, piece of it and hue.
+    """Group points by plane, piece of it and hue, as far as hues are told apart there.
 
     Parameters
     ----------
@@ -56,11 +58,16 @@ def surface_groups(
     group = np.full(len(colors), -1, dtype=np.int64)
     if member.sum() < max(FEWEST, HUES):
         return group
-    hues = _sorted_hues(log_hue(colors[member]))
+    hue = log_hue(colors[member])
     offset = np.rint(places[own, axis] / PLANE_M)
     keys = np.stack([axis, np.sign(facing[own, axis]), offset], axis=1)[member]
     pieces = np.zeros(len(keys)) if piece is None else piece[member]
-    label = distinct_rows(np.column_stack([keys, pieces, hues]).astype(np.int64))[1]
+    plane = distinct_rows(np.column_stack([keys, pieces]).astype(np.int64))[1]
+    sorted_hues = _sorted_hues(hue)
+    for each in np.flatnonzero(np.bincount(plane) >= FEWEST):
+        there = plane == each
+        sorted_hues[there] = told_hues(hue[there], sorted_hues[there])
+    label = distinct_rows(np.column_stack([plane, sorted_hues]))[1]
     label[np.bincount(label)[label] < FEWEST] = -1
     group[member] = label
     return group

@@ -9,7 +9,9 @@ each is fitted. The probability of family m is
 with Z the evidence that a fit states (`albedo`, Eq. 3), all families being equally likely beforehand. But Z takes every
 misfit for noise, and in a real room the light errs by more: a curve is then rewarded for what the lamps' light leaves.
 So a family must also leave clearly less scatter within surfaces than the usual one, which comes first; where it has
-the greater evidence and does not, the two count as equally probable, and what lies between has a mean of both.
+the greater evidence and does not, the two count as equally probable, and what lies between has a mean of both. Surfaces
+are grouped by the hue that a fit makes of them, so that groups favour the family they were made by: where neither is
+clear, both are fitted to the groups of either, and the means over these count.
 Camera and light are described by the most probable, the usual one of equals; but reflectances are the mean over the
 families. With the log reflectances r_m and variances v_m, the mean and the variance about it are
 
@@ -80,15 +82,14 @@ def fit_other_families(
     )
 
 
-def probabilities(fits: Sequence[LightFit]) -> FloatArray:
-    """(fit,) probability of each family, given a fit of each to the same evidence [0-1].
+def probabilities(*groupings: Sequence[LightFit]) -> FloatArray:
+    """(family,) probability of each family, given for each of some groupings of surfaces a fit of each family [0-1].
 
     Eq. 1, but that no family is more probable than the first unless its fit also leaves less scatter; what it leaves
-    less, over `LESS`, is how much Eq. 1 counts.
+    less, over `LESS`, is how much Eq. 1 counts. Of several groupings, the means of log Z and of that count.
     """
-    usual, *_ = fits
-    over = np.array([fit.log_evidence - usual.log_evidence for fit in fits])
-    gain = np.array([1.0 - fit.scatter / max(usual.scatter, 1e-12) for fit in fits])
+    over = np.mean([[fit.log_evidence - fits[0].log_evidence for fit in fits] for fits in groupings], axis=0)
+    gain = np.mean([[1.0 - fit.scatter / max(fits[0].scatter, 1e-12) for fit in fits] for fits in groupings], axis=0)
     counts = float(np.clip(gain[over.argmax()] / LESS, 0.0, 1.0))
     told, tied = _shares(over), _shares(np.minimum(over, 0.0))
     return counts * told + (1.0 - counts) * tied

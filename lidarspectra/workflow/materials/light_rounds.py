@@ -32,6 +32,7 @@ from lidarspectra.workflow.materials.delighting_samples import groups_of
 NEUTRAL, COLORED = 0.08, 0.16
 ROUNDS = 3  # of grouping by hue and fitting; in the first the hues are still tinted by the light
 MIXED = 1.02  # [1] of the scatter before, from which groups that leave more mix paints: their fit is not kept
+CLEAR = 0.98  # [1] probability of the usual family, below which another one's groups are asked as well
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
 LIGHT_REFLECTANCE = 0.65  # [1] above which surfaces of buildings are mostly white (research/benchmarks/whites.py)
 STRAY_LIGHT = 0.02  # [1] of white, from neighbouring places: edges are rounded, frames blended, lenses glare
@@ -87,8 +88,8 @@ def fit_in_rounds(
     Sources that turn out to be paint, mostly after the first fit, are left out, and what follows starts from the fit
     that they were part of. Hues that a fit makes may come out in groups that mix paints, whose fit bends camera and
     light to make them one; they leave more scatter than those before, which then stay. All families are fitted to the
-    groups that the first one's fit made. Where another is more probable, surfaces are grouped by its fit and fitted
-    once more; the probabilities stay.
+    groups that the first one's fit made. Where that leaves another one a chance, surfaces are grouped by its fit too,
+    all are fitted to these groups as well, and both groupings tell how probable they are.
 
     Parameters
     ----------
@@ -122,13 +123,22 @@ def fit_in_rounds(
     evidence, fit = _without_paint(as_paint, evidence, fit)
     if evidence.sources < with_sources:
         evidence, fit = _next_rounds(grouping, evidence, fit, flux_deviation, shares(without, (1.0,) * (ROUNDS - 1)))
-    trying, ending = shares(weighing, (0.7, 0.3))
+    trying, ending = shares(weighing, (0.5, 0.5))
     fits = [fit, *fit_other_families(evidence, fit, other_families, flux_deviation=flux_deviation, progress=trying)]
     probability = probabilities(fits)
+    if probability[0] < CLEAR:
+        other = 1 + int(probability[1:].argmax())
+        regrouped = grouping.regrouped(evidence, fits[other])
+        priors = (evidence.tone_prior, *other_families)
+        parts = shares(ending, (1.0,) * len(priors))
+        again = [
+            _fit_again(replace(regrouped, tone_prior=prior), each, flux_deviation, part)
+            for prior, each, part in zip(priors, fits, parts, strict=True)
+        ]
+        probability = probabilities(fits, again)
+        if probability.argmax() == other:
+            evidence, fits[other] = replace(regrouped, tone_prior=priors[other]), again[other]
     best = int(probability.argmax())
-    if best > 0:
-        evidence = replace(grouping.regrouped(evidence, fits[best]), tone_prior=other_families[best - 1])
-        fits[best] = _fit_again(evidence, fits[best], flux_deviation, ending)
     order = [best, *(number for number in range(len(fits)) if number != best)]
     return with_others(fits[best], [fits[number] for number in order[1:]], probability[order]), evidence
 

@@ -115,12 +115,16 @@ def test_a_plain_camera_s_room_is_as_with_the_plain_family_alone(room: Room, lif
 def test_where_the_picture_cannot_tell_the_stage_says_so_and_its_deviations_are_wider(
     room: Room, lifted: Delighting
 ) -> None:
-    def undecided(fits: Sequence[LightFit]) -> FloatArray:
-        return np.full(len(fits), 1.0 / len(fits))
+    asked: list[int] = []
+
+    def undecided(*groupings: Sequence[LightFit]) -> FloatArray:
+        asked.append(len(groupings))
+        return np.full(len(groupings[0]), 1.0 / len(groupings[0]))
 
     sure = lifted
     with patch.object(light_rounds, "probabilities", undecided):
         unsure = de_lit(room, LIFTED)
+    assert asked == [1, 2]  # first by the plain curve's groups of surfaces, then by the filmic one's as well
     assert any("a plain one was taken" in words for words in unsure.warnings)
     assert not any("hardly tells" in words for words in sure.warnings)
     assert sure.face_deviation is not None

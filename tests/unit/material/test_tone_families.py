@@ -56,6 +56,21 @@ def test_a_third_family_s_lesser_scatter_does_not_make_the_second_more_probable(
     assert found[1] == pytest.approx(found[0])
 
 
+def test_groups_that_favour_one_family_count_no_more_than_those_that_favour_the_other() -> None:
+    usual, filmic = both(photographed(FILMIC))
+    equal = replace(filmic, log_evidence=usual.log_evidence, scatter=usual.scatter)
+    against, for_it = (replace(equal, log_evidence=usual.log_evidence + by) for by in (-4.0, 4.0))
+    assert probabilities((usual, against), (usual, for_it)) == pytest.approx([0.5, 0.5])
+    less = replace(for_it, log_evidence=usual.log_evidence + 8.0, scatter=0.9 * usual.scatter)
+    assert probabilities((usual, against), (usual, less)) == pytest.approx(_shares_of(2.0))
+    assert probabilities((usual, filmic), (usual, filmic)) == pytest.approx(probabilities((usual, filmic)))
+
+
+def _shares_of(over: float) -> list[float]:
+    """Probabilities of two families, the second's evidence being greater by this logarithm."""
+    return [1.0 / (1.0 + np.exp(over)), 1.0 / (1.0 + np.exp(-over))]
+
+
 def test_a_family_s_probability_does_not_jump_where_it_comes_to_leave_less_scatter() -> None:
     """Round-off in the linear algebra would else choose the family, as it did of a real room."""
     usual, filmic = both(photographed(FILMIC))
