@@ -27,6 +27,7 @@ from lidarspectra.room.panes.pane import UPRIGHT
 SHINES = 1.15  # [1] x over E, from which a place shines by itself
 UPPER = 0.75  # [1] quantile over the frames: a moving picture is dark in some
 CUT = 0.1  # [1] of a face that all frames show cut at white, from which its radiance is a lower bound
+PLACES_AT_ONCE = 2_000  # whose rays take 80 MB
 RAYS, PLACES = 256, 3_000  # from a place; random places by which the factors of what is cut are told
 PLANE_M, MIN_OF_PLANE = 0.3, 30  # [m] apart, planes are two; places of a plane that count
 SCATTER = 0.1  # [1] of log x about one paint: few rays, grain
@@ -127,14 +128,18 @@ def _gathered(
     sent, known = scan.face_colors().mean(axis=1), scan.appearance.photographed
     usual = float(np.median(sent[known & ~is_cut])) if (known & ~is_cut).any() else 0.0
     sent = np.where(known, sent, usual)  # what no frame saw
-    ways = cosine_directions(records.normals[place], RAYS, generator).reshape(-1, 3)
-    starts = np.repeat(records.points[place] + OFF_M * records.normals[place], RAYS, axis=0)
-    hits = caster.nearest(starts, ways)
-    front = hits.met & (np.einsum("nc,nc->n", caster.normals[hits.face], ways) < 0)
-    light = np.where(front, sent[hits.face], 0.0) / RAYS
-    cell = np.repeat(np.arange(place.size), RAYS) * (len(sources) + 1) + column[hits.face]
-    shape = (place.size, len(sources) + 1)
-    return np.asarray(np.bincount(cell, weights=light, minlength=shape[0] * shape[1]).reshape(shape), dtype=np.float64)
+    gathered = np.zeros((place.size, len(sources) + 1))
+    for start in range(0, place.size, PLACES_AT_ONCE):
+        some = place[start : start + PLACES_AT_ONCE]
+        normals = records.normals[some]
+        ways = cosine_directions(normals, RAYS, generator).reshape(-1, 3)
+        hits = caster.nearest(np.repeat(records.points[some] + OFF_M * normals, RAYS, axis=0), ways)
+        front = hits.met & (np.einsum("nc,nc->n", caster.normals[hits.face], ways) < 0)
+        light = np.where(front, sent[hits.face], 0.0) / RAYS
+        cell = np.repeat(np.arange(some.size), RAYS) * gathered.shape[1] + column[hits.face]
+        sums = np.bincount(cell, weights=light, minlength=some.size * gathered.shape[1])
+        gathered[start : start + some.size] = sums.reshape(some.size, -1)
+    return gathered
 
 
 def _cut_factors(level: FloatArray, points: FloatArray, normals: FloatArray, gathered: FloatArray) -> FloatArray:

@@ -34,6 +34,7 @@ from lidarspectra.material.delighting.unknown_light import (
     UnknownSource,
     surely_shine,
 )
+from lidarspectra.material.delighting.unseen_light import unseen_light_deviation
 from lidarspectra.material.frames.records import FrameRecords
 from lidarspectra.material.lit_lamps.fluxes import (
     UNKNOWN_FLUX_DEVIATION,
@@ -247,12 +248,13 @@ def _out_of(
     fitted = replace(fitted, sources=_shines(fitted.sources, fitted.fit, lights.scan, fitted.face_light(picture)))
     color, deviation, paints, dark = _of_faces(picture, fitted)
     progress(1.0, "light taken out")
+    light_words = fit_in_words(fitted.fit, fitted.light_deviation(picture))
     fluxes = () if fluxes_stated else fitted.fluxes(lights.lamps)
     return Delighting(
         face_color=color,
         face_deviation=deviation,
         fit=fitted.fit,
-        words="; ".join(words for words in (fit_in_words(fitted.fit), paints.in_words()) if words),
+        words="; ".join(words for words in (light_words, paints.in_words()) if words),
         face_painted=paints.paint >= 0,
         warnings=(
             *(flux_warnings(fitted.fit, lights.lamps) if fluxes_stated else flux_notes(fluxes)),
@@ -286,6 +288,11 @@ class _Fitted:
     def face_light(self, picture: PictureEvidence) -> FloatArray:
         """(face, 3) irradiance in cones, interpolated from the points."""
         return np.asarray(picture.surfaces.spread @ self.fit.irradiance, dtype=np.float64)
+
+    def light_deviation(self, picture: PictureEvidence) -> FloatArray:
+        """(sample, 3) standard deviation of log reflectance by camera and light, that of unseen surfaces too [1]."""
+        unseen = unseen_light_deviation(self.evidence, self.fit, picture.surfaces.unseen.faces)
+        return np.asarray(np.hypot(stated_light(self.fit), unseen), dtype=np.float64)
 
     def fluxes(self, lamps: Sequence[Lamp]) -> tuple[LampFlux, ...]:
         """Of the lamps over one another."""
@@ -379,7 +386,7 @@ def _of_faces(picture: PictureEvidence, fitted: _Fitted) -> tuple[FloatArray, Fl
     told = known.copy()
     told[white.face] = True
     color = surfaces.unseen.filled(np.where(told[:, None], np.clip(paints.color, *REFLECTANCE_RANGE), 1.0))
-    deviation = np.hypot(spread @ stated_light(fitted.fit), paints.deviation(CELL_M)[:, None])
+    deviation = np.hypot(spread @ fitted.light_deviation(picture), paints.deviation(CELL_M)[:, None])
     deviation = np.hypot(deviation, dark.deviation)
     deviation[white.face] = np.hypot(deviation[white.face], white.deviation[:, None])
     for pane in (source.faces for source in sources if source.is_pane):

@@ -59,9 +59,9 @@ def stated_light(fit: LightFit) -> FloatArray:
     return STATED_SHARE * fit.log_deviation
 
 
-def fit_in_words(fit: LightFit) -> str:
-    """The result in one line."""
-    uncertain = 100 * float(np.median(stated_light(fit)))
+def fit_in_words(fit: LightFit, stated: FloatArray) -> str:
+    """The result in one line; `stated` is the (sample, 3) deviation of log reflectance by camera and light [1]."""
+    uncertain = 100 * float(np.median(stated))
     return (
         f"the room's light removed: tone curve of power {fit.tone.power:.2f} and shoulder {fit.tone.shoulder:.2f}, "
         f"the lamps' light explains {100 * fit.explained:.0f} % of the differences within surfaces, "

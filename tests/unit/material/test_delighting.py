@@ -126,7 +126,7 @@ def test_what_is_stated_of_the_light_is_wider_where_the_fit_is_less_sure() -> No
     fit = fit_light(evidence(2), flux_deviation=np.array([0.15]))
     unsure = replace(fit, log_deviation=3.0 * fit.log_deviation)
     assert stated_light(unsure) == pytest.approx(3.0 * stated_light(fit))
-    assert f"uncertain by {100 * np.median(stated_light(unsure)):.0f} %" in fit_in_words(unsure)
+    assert f"uncertain by {100 * np.median(stated_light(unsure)):.0f} %" in fit_in_words(unsure, stated_light(unsure))
 
 
 @pytest.mark.parametrize(("spectrum", "told"), [("LPS", False), ("HPS", True)])
