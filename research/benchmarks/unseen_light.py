@@ -4,8 +4,9 @@
     python -m research.benchmarks.unseen_light FOLDER [--only large-office-night ...]
 
 Of each scan by night: the area that no frame shows, the mean share of the light at points that is held to come from it
-(`unseen_light.share_of_unseen`), the same for ceilings alone, and by how much the true light of these surfaces at a
-point differs from what is held, weighted by the square of the share: `UNSEEN_DEVIATION`.
+(`unseen_light.share_of_unseen`), the same for ceilings alone, and by how much the true light of what is unseen differs
+from what is held, at single points and in the mean of the points of each surface, weighted by the square of the share:
+the latter is what `UNSEEN_DEVIATION` stands for.
 """
 
 import argparse
@@ -32,6 +33,7 @@ from research.scenes.frames import FACE_LIGHT, FRAMES
 
 SHINES = 1.5  # [1] of white in a usual frame: lamps' own surfaces, whose light is no reflected one
 GREEN = 1  # of the cones
+MIN_POINTS = 20  # of a surface that counts
 
 
 def true_light(folder: Path, scan: Scan, held: FloatArray, told: FloatArray) -> FloatArray:
@@ -60,15 +62,24 @@ def run(folder: Path) -> None:
     share = share_of_unseen(evidence, fit, unseen)[:, GREEN]
     sent = (evidence.exchange[:, unseen] @ cones_of_srgb(true[unseen]))[:, GREEN] / fit.irradiance[:, GREEN]
     used = (evidence.group >= 0) & ~is_unseen[samples.face] & (share > 0)
-    apart = sent[used] / share[used] - 1.0
     ceiling = used & evidence.ceiling
-    deviation = float(np.sqrt(np.average(apart**2, weights=share[used] ** 2)))
+    at_points = _deviation(share[used], sent[used], np.ones(int(used.sum())))
+    count, held_sum, true_sum = (
+        np.bincount(evidence.group[used], weights=values) for values in (None, share[used], sent[used])
+    )
+    large = count >= MIN_POINTS
+    of_surfaces = _deviation(held_sum[large] / count[large], true_sum[large] / count[large], count[large])
     print(
         f"{folder.name:24s} {scan.areas[unseen].sum():4.0f} of {scan.areas.sum():4.0f} m² unseen, "
         f"{100 * share[used].mean():4.1f} % of the light, {100 * share[ceiling].mean():4.1f} % at ceilings, "
-        f"off by {deviation:.2f}",
+        f"off by {at_points:.2f} at points, {of_surfaces:.2f} on surfaces",
         flush=True,
     )
+
+
+def _deviation(held: FloatArray, true: FloatArray, weight: FloatArray) -> float:
+    """Root mean square of true over held shares of the light, less 1, weighted by the square of the share."""
+    return float(np.sqrt(np.average((true / held - 1.0) ** 2, weights=weight * held**2)))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

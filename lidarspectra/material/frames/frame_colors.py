@@ -40,8 +40,8 @@ UNTIED = "no other frame shows, neither too dark nor cut at white, a surface tha
 PAINT_SHARE, PAINT_LEVEL = 0.95, 0.6  # the radiance that this share of the surface does not pass is this much of white
 TEXTURE_PLACES = 100_000  # that texture and frames are compared by, before dark and clipped ones are left out
 LAMP_LEVEL = 1.2  # [1] of white, at least, of what all frames show cut in all channels
-SHARES = (0.1, 0.06, 0.02, 0.08, 0.74)  # of the time: looking, solving, unwrapping, keeping pictures, colouring
-COLORING_SHARES = (0.33, 0.29, 0.35, 0.03)  # of that: combining frames, mending poses, combining again, filling
+SHARES = (0.08, 0.05, 0.02, 0.08, 0.77)  # of the time: looking, solving, unwrapping, keeping pictures, colouring
+COLORING_SHARES = (0.39, 0.22, 0.38, 0.01)  # of that: combining frames, mending poses, combining again, filling
 SEED = 20240911  # of points and of what is held out
 
 
