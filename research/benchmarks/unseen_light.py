@@ -68,7 +68,9 @@ def run(folder: Path) -> None:
         np.bincount(evidence.group[used], weights=values) for values in (None, share[used], sent[used])
     )
     large = count >= MIN_POINTS
-    of_surfaces = _deviation(held_sum[large] / count[large], true_sum[large] / count[large], count[large])
+    of_surfaces = _deviation(
+        held_sum[large] / count[large], true_sum[large] / count[large], count[large].astype(np.float64)
+    )
     print(
         f"{folder.name:24s} {scan.areas[unseen].sum():4.0f} of {scan.areas.sum():4.0f} m² unseen, "
         f"{100 * share[used].mean():4.1f} % of the light, {100 * share[ceiling].mean():4.1f} % at ceilings, "
