@@ -3,9 +3,9 @@
     python -m research.benchmarks.tone_families poly.toml
 
 Of each family, fitted to the same groups of surfaces (where the usual one is not clear, then to another's): power and
-shoulder, the logarithm of its evidence, the scatter
-within surfaces that it leaves, and the probability that the run gives it. Then the walls' materials, as
-`research.benchmarks.paints` prints them, as the run chooses the family, and by the evidence alone.
+shoulder, the logarithm of its evidence, the scatter within surfaces that it leaves, and the probability that the run
+gives it. Then the walls' materials, as `research.benchmarks.paints` prints them, as the run chooses the family, and by
+the evidence alone.
 """
 
 import argparse
