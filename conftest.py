@@ -3,8 +3,12 @@
 import os
 import shutil
 import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
 import pytest
 
@@ -16,6 +20,7 @@ from tools.slowest_tests import PROPERTY
 RERUNS = 2  # a defect fails every time; what fails once in 1,000 runs by chance fails thrice in a row once in 10^9
 start_with_one_thread()  # before numpy is loaded: the workers of pytest share the cores
 collect_rarely()  # as the command line does
+SCATTERING_ORDERS = 2  # of the tables of the air that tests make; genssky itself would go to 4, in twice the time
 FEW_VIEWPOINTS, FEW_SIGHT_LINES = 40, 200_000  # of a look for hidden layers; it has 200 and 1,000,000
 BEGAN_S = pytest.StashKey[float]()  # processor time when a test began
 PROJECT = Path(__file__).resolve().parent
@@ -111,18 +116,43 @@ def few_viewpoints() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def clear_air(made_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
-    """Folder of genssky's tables of the air, with those of a summer's day, written once by one worker.
+def atmosphere(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of genssky's tables of the air: pytest's cache keeps them from run to run.
 
-    It lies where a program whose cache is two folders above it looks for them.
+    It lies where a program whose cache is two folders above it looks for them. Who needs a clear sky asks for
+    `clear_air`, so that tables are in it.
     """
+    cache = getattr(request.config, "cache", None)
+    programs = tmp_path_factory.mktemp("programs") if cache is None else cache.mkdir("programs")
+    made_by = f"pyradiance-{version('pyradiance')}-orders-{SCATTERING_ORDERS}"
+    folder = Path(programs) / made_by / "lidarspectra" / "atmosphere"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def clear_air(atmosphere: Path, made_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
+    """Folder of genssky's tables of the air, with those of a summer's day: made by one worker, in half the usual time.
+
+    Light that was scattered more often than SCATTERING_ORDERS is left out of them, which changes how a clear sky's
+    light is spread over it, by some per cent. How
+    much light there is follows from SPECTRL2 alone (`compute_sky`).
+    """
+    # Here, since they load numpy.
+    from lidarspectra.radiance.engine.engine import Engine, EngineRun, find_engine
+    from lidarspectra.radiance.scene.sky import TABLES_FOLDER, Daylight, compute_sky
+
+    engine_run = Engine.run
+
+    def fewer_orders(engine: Engine, program: str, arguments: Sequence[str], **others: Any) -> EngineRun:
+        asked = ("-i", str(SCATTERING_ORDERS)) if program == "genssky" else ()
+        return engine_run(engine, program, [*arguments, *asked], **others)
 
     def make(folder: Path) -> None:
-        from lidarspectra.radiance.scene.sky import TABLES_FOLDER  # loads numpy
-        from tests.clear_air import write_tables
+        noon = Daylight(latitude_deg=48.0, longitude_deg=0.0, time=datetime(2024, 6, 21, 12, 0, tzinfo=UTC))
+        if not any((atmosphere / TABLES_FOLDER).glob("*.dat")):
+            with patch.object(Engine, "run", fewer_orders):
+                compute_sky(noon, folder, find_engine(), atmosphere=atmosphere)
 
-        tables = folder / "lidarspectra" / "atmosphere" / TABLES_FOLDER
-        tables.mkdir(parents=True)
-        write_tables(tables)
-
-    return made_once("clear-air", make) / "lidarspectra" / "atmosphere"
+    made_once("clear-air", make)
+    return atmosphere

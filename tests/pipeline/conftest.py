@@ -249,6 +249,6 @@ class CommandLine:
 
 
 @pytest.fixture(scope="session")
-def command_line(tmp_path_factory: pytest.TempPathFactory) -> CommandLine:
-    """The command line, with a cache of its own."""
-    return CommandLine(tmp_path_factory.mktemp("cache"))
+def command_line(atmosphere: Path) -> CommandLine:
+    """The command line, with the tables of the air at hand."""
+    return CommandLine(atmosphere.parents[1])
