@@ -18,7 +18,8 @@ from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
 
 # [1] of δ in the mean of a surface, whose reflectance is one: .06 to .08 in apartment and large office, whose surfaces
-# have 11 % of their light from there (research.benchmarks.unseen_light). At single points it is .2.
+# have 11 % of their light from there (research.benchmarks.unseen_light), and .33 in the office, which has 1.6 % and so
+# hardly counts. At single points it is .2.
 UNSEEN_DEVIATION = 0.1
 
 

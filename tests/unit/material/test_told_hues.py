@@ -12,6 +12,7 @@ from lidarspectra.material.k_means import k_means
 
 DEVIATION = 0.02  # [1] of the hues about a paint's, well over what a picture tells
 WARM = np.array([1.0, 0.0, -1.0]) / np.sqrt(2.0)
+GREENISH = np.array([-1.0, 2.0, -1.0]) / np.sqrt(6.0)
 
 
 def around(center: FloatArray, count: int, seed: int, deviation: float = DEVIATION) -> FloatArray:
@@ -43,6 +44,24 @@ def test_two_paints_are_told_apart_by_what_lies_between_them(deviations: float, 
     )  # fmt: skip
     # A group between two paints goes to one as a whole.
     assert numbers(told_hues(hues, sorted_into(hues, 7))) == pytest.approx([1000 // groups] * groups, rel=0.05)
+
+
+@pytest.mark.parametrize("way", [WARM, GREENISH])
+@pytest.mark.parametrize("count", [12, 40, 400])  # of either: the fewer, the more a group's parameters cost
+@pytest.mark.parametrize(("nearer", "groups"), [(0.97, 1), (1.03, 2)])
+def test_two_groups_are_one_up_to_the_distance_of_equation_1(
+    way: FloatArray, count: int, nearer: float, groups: int
+) -> None:
+    """Two rings of n/2 hues: parted, they have log 2 a hue less, half the log of the variances more, and 3 log n less.
+
+    The variances along the line between them are v, with what a picture tells, and v + d²/4 of both together.
+    """
+    angle = 2.0 * np.pi * np.arange(count)[:, None] / count
+    ring = np.sqrt(2.0) * DEVIATION * (np.cos(angle) * WARM + np.sin(angle) * GREENISH)
+    variance, of_all = DEVIATION**2 + 0.004**2, 2 * count
+    distance = 2.0 * np.sqrt(variance * (np.exp(2.0 * (np.log(2.0) + 3.0 * np.log(of_all) / of_all)) - 1.0))
+    hues = np.concatenate([ring, ring + nearer * distance * way])
+    assert numbers(told_hues(hues, np.repeat([0, 1], count))) == [of_all // groups] * groups
 
 
 def test_a_poster_on_a_wall_stays_apart() -> None:

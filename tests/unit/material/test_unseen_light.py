@@ -8,6 +8,7 @@ from scipy.sparse import csr_array
 
 from lidarspectra.material.delighting.albedo import LightFit, fit_light
 from lidarspectra.material.delighting.light_evidence import LightEvidence
+from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
 from lidarspectra.material.delighting.unseen_light import (
     UNSEEN_DEVIATION,
     share_of_unseen,
@@ -44,6 +45,16 @@ def test_the_deviation_is_that_of_what_unseen_faces_send_by_their_share_of_the_l
     assert found == pytest.approx(change)
     assert (found > 0).all()
     assert unseen_light_deviation(data, fit, BOTH) == pytest.approx(2.0 * found)
+
+
+def test_the_share_is_what_unseen_faces_send_by_form_factor_over_all_light(
+    seeing: tuple[LightEvidence, LightFit],
+) -> None:
+    data, fit = seeing
+    for irradiance in (fit.irradiance, 3.0 * fit.irradiance):
+        share = share_of_unseen(data, replace(fit, irradiance=irradiance), BOTH[:1])
+        sent = cones_of_srgb(data.face_light(fit.tone, BOTH[:1]))
+        assert share * irradiance == pytest.approx(np.broadcast_to(0.1 * sent, share.shape))
 
 
 def test_nothing_is_added_where_all_is_seen_or_what_is_unseen_is_a_known_lamp(
