@@ -87,6 +87,15 @@ def test_wanted_samples_reach_the_target_within_a_step_of_sizes() -> None:
     assert 0.3 < predicted(parts, variances, wanted) < 0.7  # sizes are a factor of up to 2 apart
 
 
+def test_what_has_more_than_its_share_keeps_it_and_the_rest_makes_up_for_it() -> None:
+    """Dear rays that hold most of the variance allowed, and many unlike points of cheap ones that get what is left."""
+    dear, cheap = component(400, "direct", seconds=1e4), component(400)
+    variances = [np.full(400, 0.4), np.random.default_rng(2).exponential(20.0, 400)]
+    wanted = wanted_samples([dear, cheap], variances, points=400, target=0.5)
+    assert not wanted[0].any()
+    assert predicted([dear, cheap], variances, wanted) == pytest.approx(0.5, abs=0.015)
+
+
 def test_points_of_more_variance_get_more_samples() -> None:
     part = component(3)
     (wanted,) = wanted_samples([part], [np.array([1.0, 10.0, 100.0])], points=3, target=0.5)
