@@ -1,6 +1,7 @@
 """What `annual` is asked for: its weather, its sensors, and the hours whose maps it writes."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +16,14 @@ from lidarspectra.errors import LampError, RunFileError, WorkspaceError
 from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.radiance.scene.daylight import Window
 from lidarspectra.workflow.applications import week_of_run
-from lidarspectra.workflow.applications.annual import _calibration_notes, _glass_notes, _hour_at, annual_daylight
+from lidarspectra.workflow.applications.annual import (
+    _calibration_notes,
+    _glass_notes,
+    _hour_at,
+    annual_daylight,
+    clear_windows,
+)
+from lidarspectra.workflow.room_model import RoomModel
 from lidarspectra.workflow.run_folder.annual_inputs import changed_since, with_inputs, year_inputs
 from lidarspectra.workflow.run_folder.light_of_run import dimmed_notes
 
@@ -72,6 +80,18 @@ def test_an_hour_is_named_with_or_without_a_year(year: xr.Dataset, words: str) -
 def test_an_hour_that_is_none_is_refused(year: xr.Dataset, words: str, says: str) -> None:
     with pytest.raises(RunFileError, match=says):
         _hour_at(year, words)
+
+
+def test_a_window_behind_the_scanned_wall_is_moved_before_it_as_a_run_of_one_moment_does() -> None:
+    room = RoomModel.from_box(4.0, 3.0, 2.5)
+    window = Window(name="south", center=(2.0, -0.03, 1.4), normal=(0.0, 1.0, 0.0), size=(1.5, 1.0))
+    placed = clear_windows((window,), (), room.scan)
+    assert 0.0 < placed.windows[0].center[1] < 0.01
+    assert replace(placed.windows[0], center=window.center) == window
+    assert len(placed.notes) == 1
+    assert "'south', so that the center was moved by up to 3.5 cm" in placed.notes[0]
+    outside = clear_windows((replace(window, center=(2.0, -0.8, 1.4)),), (), room.scan)
+    assert "outside the scan" in outside.notes[0]
 
 
 def test_glass_before_a_window_is_told_and_the_windows_own_pane_is_not() -> None:

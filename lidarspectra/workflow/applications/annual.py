@@ -15,8 +15,9 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.config import DaylightSection, RunFile
 from lidarspectra.errors import RunFileError
 from lidarspectra.geometry.rays import RayCaster
-from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import Window as WindowShape
 from lidarspectra.mapping.figures.floor_plan import floor_plan
 from lidarspectra.mapping.maps.map_files import save_map, save_map_table
 from lidarspectra.mapping.photometry.annual_light import YEAR_FILE, annual_light, map_of_hour, save_year
@@ -26,8 +27,11 @@ from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.radiance.engine.engine import Engine
 from lidarspectra.radiance.sampling.sky_transport import trace_sky
 from lidarspectra.radiance.sampling.transport import KEPT_BATCH_VALUES, save_transport
+from lidarspectra.radiance.scene.clearance import clear_lamps
 from lidarspectra.radiance.scene.daylight import Window, window_shape
 from lidarspectra.radiance.scene.openings import CURTAIN_M
+from lidarspectra.radiance.scene.placement import placement_notes
+from lidarspectra.radiance.scene.sky import SKY_WAVELENGTHS_NM, sky_spectrum
 from lidarspectra.radiance.scene.sky_patches import SkyPatches, patch_geometry, sun_areas
 from lidarspectra.radiance.scene.sky_scene import write_sky_scene
 from lidarspectra.radiance.scene.weather import SYNTHETIC, Weather, read_epw, synthetic_year
@@ -141,15 +145,17 @@ def annual_daylight(
     bands = find_bands(inputs.run_file.sensors.device, inputs.base)
     scanned = ScannedRoom(scan=summary.scan, room=summary.room)
     lamps = lamps_of_run(inputs.run_file, scanned, base=inputs.base)
+    placed = clear_windows(_calibrated_windows(inputs.run_file), lamps, summary.scan)
     out = made_folder(summary.folder / FOLDER)
     with trace_engine(cluster) as engine:
-        transport, year = _traced(inputs, summary, weather, bands, lamps, engine, progress)
+        transport, year = _traced(inputs, summary, weather, bands, placed, engine, progress)
     year = with_inputs(year, year_inputs(inputs.run_file, inputs.base, summary.folder))
     points, room = point_metrics(year), room_metrics(year)
     notes = (
         *_notes(transport, weather, section),
         *_calibration_notes(inputs.run_file),
-        *_glass_notes(summary, transport, windows_of_run(inputs.run_file)),
+        *placed.notes,
+        *_glass_notes(summary, transport, placed.windows),
     )
     with writing_run(out):
         save_transport(_for_file(transport), out / TRANSPORT_FILE)
@@ -170,14 +176,14 @@ def _traced(
     summary: RunSummary,
     weather: Weather,
     bands: BandSet,
-    lamps: Sequence[Lamp],
+    placed: "PlacedWindows",
     engine: Engine,
     progress: Progress,
 ) -> tuple[xr.Dataset, xr.Dataset]:
     """The transport of the sky's patches and the year."""
     skying, writing, tracing, computing, _ = shares(progress, SHARES)
     run_file, section = inputs.run_file, _daylight(inputs.run_file, where=inputs.name)
-    windows, patches = _calibrated_windows(run_file), SkyPatches(SUBDIVISION)
+    windows, patches = placed.windows, SkyPatches(SUBDIVISION)
     scanned = ScannedRoom(scan=summary.scan, room=summary.room)
     points = sensor_points(summary.scan, summary.room, run_file.sensors, folder=inputs.base)
     with tempfile.TemporaryDirectory(prefix="lidarspectra-") as name:
@@ -191,13 +197,13 @@ def _traced(
             ground_reflectance=section.ground_reflectance,
         )
         scene = write_sky_scene(
-            summary.scan,
+            placed.scan,
             calibrated_materials(summary.materials, scanned, run_file.calibration),
             windows,
             bands,
             Path(name),
             radiance=mean_radiance(sky, patches, windows, section.north_deg),
-            lamps=lamps,
+            lamps=placed.lamps,
             north_deg=section.north_deg,
             patches=patches,
             engine=engine,
@@ -216,6 +222,66 @@ def _traced(
         )
     computing(0.0, "light of every hour")
     return transport, annual_light(transport, sky, weather)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlacedWindows:
+    """Windows, lamps and a scan of which none hides the windows' light.
+
+    Parameters
+    ----------
+    windows : tuple of Window
+    lamps : tuple of Lamp
+        Electric ones, which stand in the way.
+    scan : Scan
+        The same faces; some vertices may have moved.
+    notes : tuple of str
+        What was done about windows, and which of them are misplaced.
+    """
+
+    windows: tuple[Window, ...]
+    lamps: tuple[Lamp, ...]
+    scan: Scan
+    notes: tuple[str, ...]
+
+
+def clear_windows(windows: Sequence[Window], lamps: Sequence[Lamp], scan: Scan) -> PlacedWindows:
+    """Windows and lamps where a run of a single moment has them: those that touch the scan are cleared.
+
+    Parameters
+    ----------
+    windows : sequence of Window
+    lamps : sequence of Lamp
+    scan : Scan
+        With normals towards the room.
+
+    Returns
+    -------
+    placed : PlacedWindows
+    """
+    light = sky_spectrum(np.ones(SKY_WAVELENGTHS_NM.size), "any")
+    panes = [
+        Lamp(
+            name=window.name,
+            shape=WindowShape(*window.size),
+            center=np.array(window.center),
+            normal=np.array(window.normal),
+            rotation_deg=window.rotation_deg,
+            flux=light,
+        )
+        for window in windows
+    ]
+    clear = clear_lamps((*lamps, *panes), scan)
+    moved = clear.lamps[len(lamps) :]
+    of_windows = [note for note in clear.notes if any(f"'{window.name}'" in note for window in windows)]
+    return PlacedWindows(
+        windows=tuple(
+            replace(window, center=tuple(pane.center.tolist())) for window, pane in zip(windows, moved, strict=True)
+        ),
+        lamps=clear.lamps[: len(lamps)],
+        scan=clear.scan,
+        notes=(*of_windows, *placement_notes(moved, clear.scan)),
+    )
 
 
 def _calibrated_windows(run_file: RunFile) -> tuple[Window, ...]:
