@@ -213,7 +213,7 @@ def fitted_factors(synthetic: FloatArray, real: FloatArray, scale: Scale, labels
     Returns
     -------
     factors : (channel,) float
-        [1]
+        1 where the map is dark: no factor brings readings near nothing. [1]
 
     Raises
     ------
@@ -239,5 +239,6 @@ def fitted_factors(synthetic: FloatArray, real: FloatArray, scale: Scale, labels
     factors = np.empty(real.shape[1])
     for group in np.unique(groups):
         some = groups == group
-        factors[some] = (synthetic[:, some] * real[:, some]).sum() / (real[:, some] ** 2).sum()
+        fitted = (synthetic[:, some] * real[:, some]).sum() / (real[:, some] ** 2).sum()
+        factors[some] = fitted if fitted > 0 else 1.0
     return factors

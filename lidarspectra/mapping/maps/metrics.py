@@ -74,7 +74,7 @@ def compare_maps(synthetic: ArrayLike, real: ArrayLike, *, normalisation: Normal
         If the shapes differ, a number is NaN or infinite, or the truth is zero where it divides.
     """
     first, second = _pair(synthetic, real)
-    a, b = normalised(first, normalisation), normalised(second, normalisation)
+    a, b = _brightest_one(first, normalisation), normalised(second, normalisation)
     per_point = nrmse(a, b, axis=1)
     percent = absolute_percentage_error(a, b)
     angle = spectral_angle_deg(first, second)
@@ -207,12 +207,22 @@ def normalised(values: ArrayLike, normalisation: Normalisation) -> FloatArray:
     MapError
         If a map to be scaled is zero everywhere.
     """
+    if normalisation != "absolute":
+        _refuse_zero(_largest(values, normalisation), of="bands", equation="the 0-1 normalisation")
+    return _brightest_one(values, normalisation)
+
+
+def _largest(values: ArrayLike, normalisation: Normalisation) -> FloatArray:
+    return np.asarray(np.max(values, axis=0 if normalisation == "band" else None), dtype=np.float64)
+
+
+def _brightest_one(values: ArrayLike, normalisation: Normalisation) -> FloatArray:
+    """`normalised`, of a map that may be dark: a band in which no lamp sends anything is 0 on any scale."""
     array = np.asarray(values, dtype=np.float64)
     if normalisation == "absolute":
         return array
-    largest = np.asarray(array.max(axis=0 if normalisation == "band" else None), dtype=np.float64)
-    _refuse_zero(largest, of="bands", equation="the 0-1 normalisation")
-    return np.asarray(array / largest, dtype=np.float64)
+    largest = _largest(array, normalisation)
+    return np.asarray(array / np.where(largest > 0, largest, 1.0), dtype=np.float64)
 
 
 def _pair(synthetic: ArrayLike, real: ArrayLike) -> tuple[FloatArray, FloatArray]:

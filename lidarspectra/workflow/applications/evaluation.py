@@ -219,7 +219,10 @@ def _factor_note(factors: FloatArray, scale: Scale) -> tuple[str, ...]:
 
 def _level_note(compared: ComparedReadings, unit: str, scale: Scale) -> tuple[str, ...]:
     """A note where readings are so far from the map that their unit is in doubt."""
-    ratio = float(np.median(compared.real / np.maximum(compared.synthetic, 1e-30)))
+    lit = compared.synthetic > 0  # channels in which no lamp sends anything say nothing of a unit
+    if not lit.any():
+        return ()
+    ratio = float(np.median(compared.real[lit] / compared.synthetic[lit]))
     if scale != "none" or 1.0 / UNLIKELY_RATIO < ratio < UNLIKELY_RATIO:
         return ()
     doubt, errors = "Check their unit (--unit: W/m2/nm, uW/cm2 or counts)", "'absolute' below says nothing"

@@ -83,6 +83,12 @@ def test_a_dark_band_cannot_be_normalised():
         normalised(np.array([[1.0, 0.0, 2.0]]), "band")
 
 
+@pytest.mark.parametrize("normalisation", ["absolute", "band", "all"])
+def test_a_band_in_which_the_map_is_dark_and_the_truth_is_not_is_wrong_by_all_of_it(normalisation):
+    comparison = compare_maps(REAL * [0.0, 1.0, 1.0], REAL, normalisation=normalisation)
+    assert comparison.mape_mean == pytest.approx(100.0 / 3.0)
+
+
 @pytest.mark.parametrize("wrong", [np.ones((2, 2)), np.ones(6), np.full((2, 3), np.nan)])
 def test_maps_that_do_not_fit_one_another_are_refused(wrong):
     with pytest.raises(MapError, match="synthetic map"):
