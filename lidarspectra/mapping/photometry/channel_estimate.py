@@ -111,6 +111,8 @@ def _sums(relative: FloatArray, left: FloatArray, weight: FloatArray, lamp: IntA
 def _fit(gram: FloatArray, right: FloatArray, lines: FloatArray) -> FloatArray:
     """Ridge regression: weights w with w·E/Q near 1 in the mean square, shrunk towards linear interpolation."""
     scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    if scale.max() == 0.0:  # no channel within the ensemble's range
+        return lines
     scale = np.maximum(scale, DIM * scale.max())
     normal = gram / np.outer(scale, scale)
     ridge = RIDGE * np.trace(normal) / scale.size

@@ -51,7 +51,7 @@ class IndoorSpectra:
         return np.array(self.categories)[self.lamp]
 
     def band_values(self, bands: BandSet) -> FloatArray:
-        """(spectrum, band) readings of a sensor [1/nm]."""
+        """(spectrum, band) readings of a sensor [1/nm]; 0 of channels beyond 350 to 1000 nm."""
         return np.asarray(self.values @ _on_grid(bands).T, dtype=np.float64)
 
     def weigh(self, response: Spectrum) -> FloatArray:
@@ -102,8 +102,10 @@ def _surfaces(library: ReflectanceLibrary, count: int) -> FloatArray:
 
 
 def _on_grid(bands: BandSet) -> FloatArray:
-    """(band, wavelength) quadrature weights on `GRID_NM`, rows summing to 1."""
+    """(band, wavelength) quadrature weights on `GRID_NM`, rows summing to 1; 0 of channels that lie beyond it."""
     responses = np.stack(
         [np.interp(GRID_NM, bands.wavelengths_nm, row, left=0.0, right=0.0) for row in bands.responses]
     )
-    return np.asarray(responses / responses.sum(axis=1, keepdims=True), dtype=np.float64)
+    known = (bands.centers_nm >= GRID_NM[0]) & (bands.centers_nm <= GRID_NM[-1])
+    within = np.where(known, responses.sum(axis=1), 0.0)[:, None]
+    return np.asarray(responses / np.where(within > 0, within, np.inf), dtype=np.float64)

@@ -22,7 +22,7 @@ from lidarspectra.mapping.photometry.quantities import (
     light_quantity,
 )
 from lidarspectra.spectra.databases import lamp_spectrum
-from lidarspectra.spectra.spectrum import Spectrum, sensor_bands, uniform_bands
+from lidarspectra.spectra.spectrum import Spectrum, gaussian_bands, sensor_bands, uniform_bands
 
 EDIS = [quantity for quantity in light_quantities() if quantity.name.endswith("_edi_lx")]
 
@@ -36,6 +36,21 @@ def weighed(spectrum: Spectrum, response: Spectrum) -> float:
     grid = np.union1d(spectrum.wavelengths_nm, response.wavelengths_nm)
     grid = grid[(grid >= response.range_nm[0]) & (grid <= response.range_nm[1])]
     return float(np.trapezoid(spectrum.at(grid, outside="zero") * response.at(grid, outside="zero"), grid))
+
+
+@pytest.mark.parametrize("method", ["lamps", "lines", "learned"])
+def test_a_channel_beyond_the_ensembles_range_takes_nothing_from_the_others(
+    ensemble: IndoorSpectra, method: Method
+) -> None:
+    seen = [450.0, 500.0, 550.0, 600.0, 650.0]
+    response = light_quantity("illuminance_lx").response
+    far = channel_estimate(ensemble, gaussian_bands("far", [*seen, 1550.0], 20.0), response, method=method)
+    near = channel_estimate(ensemble, gaussian_bands("near", seen, 20.0), response, method=method)
+    assert far.weights[:4] == pytest.approx(near.weights[:4], rel=0.15)  # the last one reaches less far into the red
+    assert far.percentile(95.0) == pytest.approx(near.percentile(95.0), abs=0.06)
+    beyond = channel_estimate(ensemble, gaussian_bands("beyond", [1300.0, 1550.0], 20.0), response, method=method)
+    assert np.isfinite(beyond.weights).all()
+    assert beyond.percentile(95.0) == pytest.approx(1.0, abs=1e-3)  # nothing is known of light
 
 
 def test_daylight_has_the_alpha_opic_efficacies_of_the_standard():
