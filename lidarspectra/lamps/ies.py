@@ -8,6 +8,7 @@ lamp's spectrum: I(θ, φ)/Φ_v [1/sr], where Φ_v = ∫I dω is the table's own
 exact for the bilinear interpolant that Radiance uses as well.
 """
 
+import math
 import re
 from dataclasses import dataclass
 from itertools import takewhile
@@ -27,6 +28,8 @@ METRES_PER_FOOT = 0.3048  # [m/ft] international foot
 MAX_BYTES = 20_000_000  # [B] a table of 720 x 360 directions has 2 MB
 MAX_ANGLES = 1000  # of either kind; goniometers step by half a degree at the finest
 POINT_DIAMETER_M = 0.1  # [m] of a luminaire whose file gives no opening
+LINE_WIDTH_M = 0.026  # [m] of one whose file gives a length alone: a T8 tube's
+ELLIPSE = math.sqrt(math.pi) / 2.0  # [1] sides of a rectangle over the axes of an ellipse of its area
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -284,11 +287,23 @@ def _whole_circle(vertical: FloatArray, candela: FloatArray, where: str) -> tupl
 
 
 def _opening(width: float, length: float, height: float) -> tuple[float, ...]:
-    """Luminous opening [m]: negative sizes mean round ones (LM-63-2002, Table 1); the height is not used."""
-    if width > 0 and length > 0:
-        return (float(length), float(width))
-    diameter = max(abs(width), abs(length))
-    return (float(diameter),) if diameter > 0 else (POINT_DIAMETER_M,)
+    """Luminous opening [m], flat: (length, width) or (diameter,).
+
+    Negative sizes are round (LM-63-1995 and -2002, Table 1): two are a disc or an ellipse, which becomes the rectangle
+    of its area and proportions; a width alone is a disc, a sphere or an upright cylinder; one of two is the diameter of
+    a tube that lies along the other. Where only one size is above 0 it is a tube, or an upright rectangle's, whose
+    other side is the height.
+    """
+    across, along, tall = float(abs(width)), float(abs(length)), float(abs(height))
+    if across > 0 and along > 0:
+        if width > 0 or length > 0:
+            return (along, across)
+        return (across,) if across == along else (ELLIPSE * along, ELLIPSE * across)
+    if width < 0 or (length < 0 and tall == 0):
+        return (max(across, along),)
+    if along > 0:
+        return (along, tall or LINE_WIDTH_M)
+    return (tall or LINE_WIDTH_M, across) if across > 0 else (POINT_DIAMETER_M,)
 
 
 def _keyword(text: str, name: str) -> str:

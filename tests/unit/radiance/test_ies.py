@@ -124,13 +124,22 @@ def test_decimal_commas_do_not_shift_the_table() -> None:
 
 @pytest.mark.parametrize(
     ("opening", "expected"),
-    [((0.3, 1.2, 0.0), (1.2, 0.3)), ((-0.2, -0.2, 0.0), (0.2,)), ((-0.2, 0.0, 0.1), (0.2,)), ((0, 0, 0), (0.1,))],
+    [
+        ((0.3, 1.2, 0.0), (1.2, 0.3)),
+        ((-0.2, -0.2, 0.0), (0.2,)),
+        ((-0.2, 0.0, 0.1), (0.2,)),
+        ((0, 0, 0), (0.1,)),
+        ((-0.03, 1.2, -0.03), (1.2, 0.03)),  # a tube along, LM-63-2002
+        ((1.2, -0.03, -0.03), (0.03, 1.2)),  # and across
+        ((0.0, -1.2, 0.03), (1.2, 0.03)),  # along, LM-63-1995
+        ((0.0, 1.2, 0.0), (1.2, 0.026)),
+        ((0.6, 0.0, 0.1), (0.1, 0.6)),  # upright, facing along
+        ((-0.3, -1.2, 0.0), (1.2 * np.sqrt(np.pi) / 2, 0.3 * np.sqrt(np.pi) / 2)),  # an ellipse
+    ],
 )
 def test_openings_are_rectangles_discs_or_small(opening: tuple[float, ...], expected: tuple[float, ...]) -> None:
-    assert (
-        read_ies(ies_text(np.zeros(1), THETA, np.ones((1, THETA.size)), opening=opening), where="t").opening_m
-        == expected
-    )
+    read = read_ies(ies_text(np.zeros(1), THETA, np.ones((1, THETA.size)), opening=opening), where="t")
+    assert read.opening_m == pytest.approx(expected)
 
 
 GOOD = ies_text(np.zeros(1), THETA, np.ones((1, THETA.size)))
