@@ -14,9 +14,12 @@ import xarray as xr
 from lidarspectra.config import RunFile
 from lidarspectra.errors import LampError, RunFileError, WorkspaceError
 from lidarspectra.geometry.scan import bare_scan
-from lidarspectra.radiance.scene.daylight import Window
+from lidarspectra.radiance.scene.daylight import Window, daylight_lamps
+from lidarspectra.radiance.scene.sky import ALTITUDES_DEG, AZIMUTHS_DEG, SKY_WAVELENGTHS_NM, Sky
+from lidarspectra.radiance.scene.sky_patches import SkyPatches, patch_geometry
 from lidarspectra.workflow.applications import week_of_run
 from lidarspectra.workflow.applications.annual import (
+    _calibrated_windows,
     _calibration_notes,
     _glass_notes,
     _hour_at,
@@ -80,6 +83,17 @@ def test_an_hour_is_named_with_or_without_a_year(year: xr.Dataset, words: str) -
 def test_an_hour_that_is_none_is_refused(year: xr.Dataset, words: str, says: str) -> None:
     with pytest.raises(RunFileError, match=says):
         _hour_at(year, words)
+
+
+def test_a_calibrated_window_may_send_more_than_clear_glass_lets_through_of_the_models_sky() -> None:
+    given = run_file("synthetic")
+    brighter = _calibrated_windows(given.changed(calibration={"lamps": {"south": 1.6}}))  # 1.28 of its pane's .8
+    grid = (AZIMUTHS_DEG.size, ALTITUDES_DEG.size, SKY_WAVELENGTHS_NM.size)
+    sky = Sky(radiance=np.ones(grid), sun_direction=None, sun_irradiance=np.zeros(grid[2]))
+    (before,), (after,) = (daylight_lamps(sky, each) for each in (_calibrated_windows(given), brighter))
+    assert after.flux.values == pytest.approx(1.6 * before.flux.values)
+    geometry = [patch_geometry(SkyPatches(), each, 0.0) for each in (_calibrated_windows(given), brighter)]
+    assert geometry[1] == pytest.approx(1.6 * geometry[0])
 
 
 def test_a_window_behind_the_scanned_wall_is_moved_before_it_as_a_run_of_one_moment_does() -> None:

@@ -93,7 +93,7 @@ def sunlit(
             lit = np.flatnonzero(through & (way > 0) & (at_sensor[sun] > 0))
             if lit.size:
                 free = _sun_is_free(caster, starts[lit], towards[sun], way[lit], float(cosine[sun]))
-                passed = float(pane_transmittance(cosine[sun], window.transmittance))
+                passed = float(pane_transmittance(cosine[sun], window.passes))
                 share[sun, lit[free]] = passed * at_sensor[sun, lit[free]]
     return share
 
@@ -137,7 +137,7 @@ def _from_window(
     at_sensor = np.einsum("pcx,px->pc", outward, normals)
     at_pane = outward @ -window_shape(window).normal
     area = window.size[0] * window.size[1] / len(cells)
-    value = pane_transmittance(at_pane, window.transmittance) * at_pane * at_sensor * area / distance**2
+    value = pane_transmittance(at_pane, window.passes) * at_pane * at_sensor * area / distance**2
     lamp = lamp_of[sky_scene.patches.patch_of(to_sky_axes(outward, sky_scene.north_deg))]
     point, cell = np.nonzero((at_sensor > 0) & (at_pane > 0) & (lamp >= 0))
     clear = ~caster.blocked(starts[point], ways[point, cell], max_distance=CLEAR_SHARE)

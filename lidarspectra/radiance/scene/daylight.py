@@ -66,6 +66,8 @@ class Window:
         As `Lamp.rotation_deg`. [deg]
     transmittance : float
         At normal incidence, of pane and frame. [0-1]
+    factor : float
+        Of a calibration, on all its light: above 1 where more comes in than its sky sends through clear glass. [1]
     """
 
     name: str
@@ -74,6 +76,12 @@ class Window:
     size: tuple[float, float]
     rotation_deg: float = 0.0
     transmittance: float = 0.8
+    factor: float = 1.0
+
+    @property
+    def passes(self) -> float:
+        """Share of the light at normal incidence that it sends into the room [1]."""
+        return self.transmittance * self.factor
 
 
 def daylight_lamps(sky: Sky, windows: Sequence[Window]) -> tuple[Lamp, ...]:
@@ -111,7 +119,7 @@ def _window_lamp(sky: Sky, window: Window) -> Lamp | None:
             expected="a transmittance from 0 to 1", found=f"{window.transmittance}", where=f"window '{window.name}'"
         )
     outward = outward_of(window)
-    incoming = sky.radiance * window.transmittance
+    incoming = sky.radiance * window.passes
     flux = window.size[0] * window.size[1] * _flux_density(incoming, outward)
     if flux.max() <= 0:
         return None  # night, or a shuttered window
@@ -148,7 +156,7 @@ def _sun_lamp(sky: Sky, windows: Sequence[Window]) -> Lamp | None:
         shape = window_shape(window)
         inward = shape.normal
         cosine = float(-inward @ sky.sun_direction)
-        transmittance = float(pane_transmittance(np.array(cosine), window.transmittance))
+        transmittance = float(pane_transmittance(np.array(cosine), window.passes))
         if transmittance > 0:
             openings.append(Opening(corners=shape.corners(), inward=inward, transmittance=transmittance))
             passed += window.size[0] * window.size[1] * cosine * transmittance

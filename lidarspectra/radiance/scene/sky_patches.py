@@ -181,7 +181,7 @@ def patch_geometry(patches: SkyPatches, windows: Sequence[Window], north_deg: fl
     geometry = np.zeros(len(patches))
     for window in windows:
         cosine = np.clip(outward @ outward_of(window), 0.0, None)
-        passed = window.size[0] * window.size[1] * cosine * pane_transmittance(cosine, window.transmittance)
+        passed = window.size[0] * window.size[1] * cosine * pane_transmittance(cosine, window.passes)
         geometry += np.bincount(patch.ravel(), weights=(passed * solid_angle).ravel(), minlength=len(patches))
     return geometry
 
@@ -246,7 +246,7 @@ def sun_areas(patches: SkyPatches, windows: Sequence[Window], north_deg: float, 
     rows = np.arange(len(suns))[:, None]
     for window in windows:
         cosine = np.clip(towards @ outward_of(window), 0.0, None)
-        passed = window.size[0] * window.size[1] * cosine * pane_transmittance(cosine, window.transmittance)
+        passed = window.size[0] * window.size[1] * cosine * pane_transmittance(cosine, window.passes)
         patch, weight = around(patches, suns)
         weight = weight * (patch_geometry(patches, (window,), north_deg)[patch] > 0)
         total = weight.sum(axis=1, keepdims=True)

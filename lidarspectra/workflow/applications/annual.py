@@ -285,12 +285,9 @@ def clear_windows(windows: Sequence[Window], lamps: Sequence[Lamp], scan: Scan) 
 
 
 def _calibrated_windows(run_file: RunFile) -> tuple[Window, ...]:
-    """The windows, with the calibration's factors on their transmittance."""
+    """The windows, with the calibration's factors on their light."""
     factors = {} if run_file.calibration is None else run_file.calibration.lamps
-    return tuple(
-        replace(window, transmittance=window.transmittance * factors.get(window.name, 1.0))
-        for window in windows_of_run(run_file)
-    )
+    return tuple(replace(window, factor=factors.get(window.name, 1.0)) for window in windows_of_run(run_file))
 
 
 def _calibration_notes(run_file: RunFile) -> tuple[str, ...]:
