@@ -1,18 +1,21 @@
 """Lumens to watts, and spectra from a colour temperature."""
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
 
+from lidarspectra.arrays import BoolArray
 from lidarspectra.errors import ArgumentError
 from lidarspectra.spectra.database_files import data_folder, table
-from lidarspectra.spectra.spectrum import LUMINOUS_EFFICACY_LM_W, Spectrum
+from lidarspectra.spectra.spectrum import LUMINOUS_EFFICACY_LM_W, BandSet, Spectrum
 
 DAYLIGHT_FROM_K = 5000.0  # [K] above it a lamp named by its colour temperature is taken for daylight (CIE 15:2018)
 BLACKBODY_RANGE_NM = (300.0, 1100.0, 5.0)  # [nm] first, last, step
 SECOND_RADIATION_CONSTANT_NM_K = 1.438776877e7  # [nm K] c2 = hc/k (CODATA 2018)
 LOWEST_CCT_K = 1000.0  # [K] a glowing wire that hardly shines
 HIGHEST_CCT_K = 25000.0  # [K] the daylight formulas end there
+DARK_CHANNEL = 1e-3  # [1] of a lamp's brightest channel; relative errors below it are meaningless
 CCT_CORRECTION = 1.4388 / 1.4380  # [1] of a nominal daylight temperature, c2 then and now (CIE 15:2018, D illuminants)
 
 
@@ -40,6 +43,27 @@ def luminous_flux_lm(flux: Spectrum) -> float:
     grid = np.union1d(flux.wavelengths_nm, efficiency.wavelengths_nm)
     product = flux.at(grid, outside="zero") * efficiency.at(grid, outside="zero")
     return float(LUMINOUS_EFFICACY_LM_W * np.trapezoid(product, grid))
+
+
+def dark_channels(fluxes: Sequence[Spectrum], bands: BandSet) -> BoolArray:
+    """Channels in which no lamp sends light to speak of, as 940 nm of LEDs whose spectra end at 780 nm.
+
+    What a channel's tail gathers of them there is no light to compare a reading with: that is stray light, or what the
+    spectrum does not tell.
+
+    Parameters
+    ----------
+    fluxes : sequence of Spectrum
+        Of every lamp. [W/nm]
+    bands : BandSet
+
+    Returns
+    -------
+    dark : (band,) bool
+        Where each lamp sends less than a thousandth of what it sends into its own brightest channel.
+    """
+    sent = np.stack([bands.band_values(flux, outside="zero") for flux in fluxes])
+    return np.asarray((sent <= DARK_CHANNEL * sent.max(axis=1, keepdims=True)).all(axis=0), dtype=np.bool_)
 
 
 def cct_spectrum(cct_k: float) -> Spectrum:

@@ -8,15 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lidarspectra.errors import LidarSpectraError, ReadingError
+from lidarspectra.errors import LidarSpectraError, MapError, ReadingError
 from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
 from lidarspectra.hardware.incoming.arrivals import Arrival, Notice
 from lidarspectra.hardware.incoming.gathering import gather
 from lidarspectra.hardware.incoming.growing_log import GrowingLog
+from lidarspectra.lamps.make_lamp import make_lamp
 from lidarspectra.mapping.present_light.model import LampKnowledge, SensorModel
 from lidarspectra.mapping.present_light.now import LitRoom, PresentAnswer, PresentLight
 from lidarspectra.mapping.report.live_page import LiveView, trend_json
-from lidarspectra.workflow.live.sensors_file import read_sensors
+from lidarspectra.spectra.spectrum import sensor_bands
+from lidarspectra.workflow.live.room_of_run import sensor_model
+from lidarspectra.workflow.live.sensors_file import SensorSection, read_sensors
 from lidarspectra.workflow.live.session import LiveSession, replay
 from lidarspectra.workflow.live.sources import sources_of
 
@@ -54,6 +57,18 @@ def written(folder: Path, text: str) -> list[str]:
     path = folder / "sensors.toml"
     path.write_text(text, encoding="utf-8")
     return [str(path)]
+
+
+def test_channels_in_which_no_lamp_sends_anything_are_left_out_of_what_a_sensor_tells() -> None:
+    bands = sensor_bands("as7265x-18")
+    lamp = make_lamp("panel", (0, 0, 2), size=0.6, spectrum="LED-B3", luminous_flux_lm=1000)  # up to 780 nm
+    named = [("a", label) for label in bands.labels]
+    sensor = SensorSection(name="a", point=1, log="a.csv")
+    numbers, model = sensor_model([sensor], named, np.ones((1, 1, len(bands))), [lamp], bands)
+    assert {key for _, key in named} - {key for _, key in numbers} == {"810", "860", "900", "940"}
+    assert model.numbers == len(numbers) == 14
+    with pytest.raises(MapError, match="no light of any lamp in 410, 435"):
+        sensor_model([sensor], named, np.zeros((1, 1, len(bands))), [lamp], bands)
 
 
 def test_sensors_whose_logs_would_be_one_file_are_refused(tmp_path: Path) -> None:

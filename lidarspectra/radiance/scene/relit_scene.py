@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
+from lidarspectra.lamps.lamp_spectra import DARK_CHANNEL
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.radiance.scene.scene_record import RadianceScene
 from lidarspectra.radiance.scene.slots import MAX_OWN_ERROR
 from lidarspectra.spectra.spectrum import Spectrum
 
-DARK_CHANNEL = 1e-3  # [1] of a lamp's brightest channel; relative errors below it are meaningless
 ROUND_OFF = 1e-12  # [1] relative difference of ratios that are one number
 
 

@@ -33,7 +33,7 @@ from lidarspectra.mapping.photovoltaics.cells import find_cell
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport
 from lidarspectra.room.sensor_points import SensorPoints
-from lidarspectra.workflow.calibration.doubts import doubts, require_inside, require_light
+from lidarspectra.workflow.calibration.doubts import doubts, require_inside, require_light, without_dark_channels
 from lidarspectra.workflow.calibration.light import (
     RunRoom,
     TracedLight,
@@ -174,6 +174,7 @@ def calibrate_run(
     light = traced_light(room, points, workers=workers, progress=part_of(progress, 0.0, FIRST_SHARE))
     spectra = fit_spectra(room, readings, light, priors, scale)
     room = spectra.room
+    readings = without_dark_channels(readings, room, measured)
     weights = _weights(readings, room, cell, area_cm2)
     model = light.model(weights, readings.numbers.row)
     require_light(model, readings, measured)

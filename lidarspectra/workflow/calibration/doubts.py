@@ -1,12 +1,14 @@
 """Readings that cannot be: outside the room, in another unit, of another room, swapped, or of a sensor turned over."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from lidarspectra.arrays import IntArray
 from lidarspectra.errors import MapError
+from lidarspectra.lamps.lamp_spectra import dark_channels
 from lidarspectra.mapping.calibration.model import LightModel, Priors
 from lidarspectra.mapping.calibration.posterior import STRANGE, disagreement, fit, swapped, turned_over
 from lidarspectra.workflow.calibration.light import RunRoom
@@ -31,6 +33,39 @@ def require_inside(readings: Readings, room: RunRoom, where: Path) -> None:
             todo="Give x, y, z in metres in the scan's frame, as the report's plan has them: the readings are of "
             "another room, in another unit, or measured from another corner.",
         )
+
+
+def without_dark_channels(readings: Readings, room: RunRoom, where: Path) -> Readings:
+    """The readings but for those of `dark_channels`, with a note.
+
+    Of LEDs an AS7265x reads next to nothing from 810 to 940 nm, but not nothing, whose logarithm would outweigh all
+    others. Raises a MapError if a row has no other number.
+    """
+    numbers, dark = readings.numbers, dark_channels([lamp.flux for lamp in room.lamps], room.bands)
+    out = np.array([isinstance(each, int) and bool(dark[each]) for each in readings.quantities])
+    if not out.any():
+        return readings
+    alone = np.setdiff1d(numbers.row, numbers.row[~out])
+    if alone.size:
+        raise MapError(
+            expected="readings in channels into which the lamps send light, by their spectra",
+            found=f"none at {_listed(readings, alone)}",
+            where=str(where),
+            todo="Leave the reading out, or give the lamps spectra that reach as far.",
+        )
+    kept = np.flatnonzero(~out)
+    channels = {each for each, is_out in zip(readings.quantities, out, strict=True) if is_out}
+    named = ", ".join(label for number, label in enumerate(room.bands.labels) if number in channels)
+    note = (
+        f"{int(out.sum())} numbers are left out, of channels into which no lamp of the run sends light to speak of, by "
+        f"its spectrum: {named} nm. If they do, give them spectra that reach as far."
+    )
+    return replace(
+        readings,
+        quantities=tuple(readings.quantities[number] for number in kept),
+        numbers=numbers.some(kept),
+        notes=(*readings.notes, note),
+    )
 
 
 def require_light(model: LightModel, readings: Readings, where: Path) -> None:

@@ -8,6 +8,7 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
+from lidarspectra.lamps.lamp_spectra import dark_channels
 from lidarspectra.lamps.lamps import Lamp, is_daylight
 from lidarspectra.mapping.calibration.model import READING_SD
 from lidarspectra.mapping.maps.map_schema import kept_points
@@ -63,8 +64,8 @@ def lit_room(run: Path, sensors: SensorsFile, *, workers: int | None = None, pro
             )
     coefficient = transport["coefficient"].transpose("lamp", "point", "band").to_numpy().astype(np.float64)
     at_sensors = _coefficients_at(run, sensors.sensors, transport, coefficient, workers, progress)
-    numbers = tuple((each.name, key) for each in sensors.sensors for key in _keys(each, bands))
-    model = _model(sensors.sensors, numbers, at_sensors, ordered, bands)
+    named = [(each.name, key) for each in sensors.sensors for key in _keys(each, bands)]
+    numbers, model = sensor_model(sensors.sensors, named, at_sensors, ordered, bands)
     weights = [_weights(light_quantity(name).response, ordered, bands) for name in QUANTITIES]
     counted = np.isin(np.arange(transport.sizes["point"]), kept_points(transport))
     return LitRoom(
@@ -141,32 +142,63 @@ def _keys(sensor: SensorSection, bands: BandSet) -> tuple[str, ...]:
     return tuple(keys)
 
 
-def _model(
+def sensor_model(
     sensors: Sequence[SensorSection],
     numbers: Sequence[tuple[str, str]],
     at_sensors: FloatArray,
     lamps: Sequence[Lamp],
     bands: BandSet,
-) -> SensorModel:
+) -> tuple[tuple[tuple[str, str], ...], SensorModel]:
+    """What each number should read by each lamp.
+
+    Parameters
+    ----------
+    sensors : sequence of SensorSection
+    numbers : sequence of (str, str)
+        Sensor, and 'lux' or a channel's label.
+    at_sensors : (lamp, sensor, band) float
+        Coefficients. [m⁻²]
+    lamps : sequence of Lamp
+    bands : BandSet
+
+    Returns
+    -------
+    numbers : tuple of (str, str)
+        Those that tell of the lamps: `dark_channels` are left out.
+    model : SensorModel
+        Of these.
+
+    Raises
+    ------
+    MapError
+        If no number of a sensor has any light.
+    """
     names = [sensor.name for sensor in sensors]
-    flux = np.stack([bands.band_values(lamp.flux, outside="zero") for lamp in lamps])
+    fluxes = [lamp.flux for lamp in lamps]
+    dark = {label for label, out in zip(bands.labels, dark_channels(fluxes, bands), strict=True) if out}
+    flux = np.stack([bands.band_values(each, outside="zero") for each in fluxes])
     lux = _weights(light_quantity("illuminance_lx").response, lamps, bands)
-    rows, of_sensor, deviation = [], [], []
+    lit, rows, of_sensor, deviation = [], [], [], []
     for name, key in numbers:
         index = names.index(name)
         weights = lux if key == "lux" else flux * (np.array(bands.labels) == key)
         row = np.einsum("lb,lb->l", weights, at_sensors[:, index])
-        if not row.sum() > 0:
+        if row.sum() > 0 and key not in dark:
+            lit.append((name, key))
+            rows.append(row)
+            of_sensor.append(index)
+            deviation.append(sensors[index].sd or (READING_SD if key == "lux" else CHANNEL_SD))
+    for name in names:
+        keys = [key for of, key in numbers if of == name]
+        if keys and not any(of == name for of, _ in lit):
             raise MapError(
                 expected="a place that some lamp of the run lights",
-                found=f"no light of any lamp in '{key}'",
+                found=f"no light of any lamp in {', '.join(keys)}",
                 where=f"sensor '{name}'",
                 todo="Look at its position and direction, and at the lamps' spectra.",
             )
-        rows.append(row)
-        of_sensor.append(index)
-        deviation.append(sensors[index].sd or (READING_SD if key == "lux" else CHANNEL_SD))
-    return SensorModel(light=np.array(rows), sensor=np.array(of_sensor), reading_sd=np.array(deviation))
+    model = SensorModel(light=np.array(rows), sensor=np.array(of_sensor), reading_sd=np.array(deviation))
+    return tuple(lit), model
 
 
 def _weights(response: Spectrum, lamps: Sequence[Lamp], bands: BandSet) -> FloatArray:

@@ -3,13 +3,16 @@
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.linalg import block_diag
 
 from lidarspectra.config import GridSection, SensorsSection
 from lidarspectra.errors import MapError
+from lidarspectra.lamps.make_lamp import make_lamp
 from lidarspectra.mapping.calibration.model import (
     UNKNOWN_METER_SD,
     LightModel,
@@ -22,9 +25,10 @@ from lidarspectra.mapping.calibration.planning import choose_readings
 from lidarspectra.mapping.calibration.posterior import disagreement, fit, swapped, turned_over
 from lidarspectra.mapping.calibration.promised import stated_after, stated_of
 from lidarspectra.mapping.maps.light_unknowns import error_scale
+from lidarspectra.spectra.spectrum import sensor_bands
 from lidarspectra.workflow.calibration.calibrating import _receptor_notes
-from lidarspectra.workflow.calibration.doubts import doubts
-from lidarspectra.workflow.calibration.readings import LUX, Readings
+from lidarspectra.workflow.calibration.doubts import doubts, without_dark_channels
+from lidarspectra.workflow.calibration.readings import LUX, Readings, calibration_readings
 
 LAMPS, PARTS, ROWS = 3, 4, 8
 LEVELS = 0.1**2 * (0.5 * np.eye(PARTS) + 0.5)  # half of the variance in common
@@ -351,3 +355,23 @@ def test_channels_of_a_sensor_without_a_diffuser_are_told(sensors, quantities, t
     notes = _receptor_notes(room, SimpleNamespace(quantities=quantities))
     assert bool(notes) == told
     assert all("the cosine" in note for note in notes)
+
+
+def test_channels_beyond_the_lamps_spectra_do_not_count_as_readings(tmp_path: Path) -> None:
+    """Of an LED 940 nm has some 1e-80 of its light in the model, and in a sensor what stray light there is."""
+    bands = sensor_bands("as7265x-18")
+    lamp = make_lamp("panel", (0, 0, 2), size=0.6, spectrum="LED-B3", luminous_flux_lm=1000)
+    room: Any = SimpleNamespace(lamps=(lamp,), bands=bands)
+    columns = {f"E_{label}": [0.01, 0.02] for label in bands.labels}
+    table = pd.DataFrame({"x": [1.0, 2.0], "y": 1.0, "z": 1.0, **columns})
+    path = tmp_path / "readings.csv"
+    table.to_csv(path, index=False)
+    kept = without_dark_channels(calibration_readings(path, bands.labels), room, path)
+    assert set(kept.quantities) == set(range(14))
+    assert kept.numbers.value.size == len(kept.quantities) == 28
+    assert "8 numbers are left out" in kept.notes[0]
+    assert "810, 860, 900, 940 nm" in kept.notes[0]
+    table.loc[1, [f"E_{label}" for label in bands.labels[:14]]] = np.nan
+    table.to_csv(path, index=False)
+    with pytest.raises(MapError, match="none at 'row 2'"):
+        without_dark_channels(calibration_readings(path, bands.labels), room, path)
