@@ -1,7 +1,7 @@
 """Readings are compared where they belong, or refused in words."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -92,15 +92,20 @@ def test_a_reading_without_light_in_a_channel_is_left_out_and_said(run: Path, tm
     assert "2 readings are left out, since a channel is zero" in found.notes[1]
 
 
-@pytest.mark.parametrize("scale", ["none", "channel"])
-def test_a_channel_without_light_in_the_map_is_compared_as_dark(
-    run: Path, light: xr.Dataset, tmp_path: Path, scale: Literal["none", "channel"]
-) -> None:
-    light["irradiance"][:, 0] = 0.0  # as 940 nm of lamps whose spectrum ends at 780
-    found = evaluate_run(run, readings(tmp_path), scale=scale)
-    assert spectra(found).scale.tolist() == pytest.approx([1.0, 1.0, 1.0])
-    assert absolute(found).mape_mean == pytest.approx(100.0 / 3.0)
-    assert (save_evaluation(found, tmp_path / "out") / "evaluation.csv").is_file()
+def test_a_channel_without_light_in_the_map_is_not_compared(run: Path, light: xr.Dataset, tmp_path: Path) -> None:
+    light["irradiance"][:, 0] = 1e-80  # as 940 nm of lamps whose spectrum ends at 780
+    path = readings(tmp_path)
+    table = pd.read_csv(path)
+    table.loc[3, f"E_{LABELS[0]}"] = 0.0  # which is no reason to leave the reading out
+    table.to_csv(path, index=False)
+    found = evaluate_run(run, path)
+    assert (absolute(found).points, absolute(found).bands) == (11, 2)
+    assert absolute(found).nrmse_mean == pytest.approx(0.0, abs=1e-9)
+    assert "are not compared: 410 nm" in found.notes[1]
+    assert not any("not measured" in note or "no channels of the map" in note for note in found.notes)
+    table[["x", "y", "z", f"E_{LABELS[0]}"]].to_csv(path, index=False)
+    with pytest.raises(MapError, match="found 410 nm alone"):
+        evaluate_run(run, path)
 
 
 def test_a_channel_that_the_map_lacks_is_told_and_a_word_is_named_where_it_stands(run: Path, tmp_path: Path) -> None:

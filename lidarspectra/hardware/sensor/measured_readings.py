@@ -213,7 +213,7 @@ def fitted_factors(synthetic: FloatArray, real: FloatArray, scale: Scale, labels
     Returns
     -------
     factors : (channel,) float
-        1 where the map is dark: no factor brings readings near nothing. [1]
+        [1]
 
     Raises
     ------
@@ -239,6 +239,5 @@ def fitted_factors(synthetic: FloatArray, real: FloatArray, scale: Scale, labels
     factors = np.empty(real.shape[1])
     for group in np.unique(groups):
         some = groups == group
-        fitted = (synthetic[:, some] * real[:, some]).sum() / (real[:, some] ** 2).sum()
-        factors[some] = fitted if fitted > 0 else 1.0
+        factors[some] = (synthetic[:, some] * real[:, some]).sum() / (real[:, some] ** 2).sum()
     return factors

@@ -6,9 +6,10 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from lidarspectra.arguments import path_of
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.measured_readings import (
     Scale,
@@ -19,6 +20,7 @@ from lidarspectra.hardware.sensor.measured_readings import (
     numbers_of,
     read_readings,
 )
+from lidarspectra.lamps.lamp_spectra import DARK_CHANNEL
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.illuminance_comparison_figure import illuminance_comparison_figure
@@ -125,16 +127,32 @@ def evaluate_run(
             where=str(measured),
             todo="'lidarspectra sensor join' turns a log of counts into such a file; or name their unit with --unit.",
         )
+    dark = _dark_channels(light)
+    read_columns, unlit = set(columns.values()), [index for index in columns if dark[index]]
+    columns = {index: name for index, name in columns.items() if not dark[index]}
+    if not columns and lux is None:
+        raise MapError(
+            expected="readings of channels in which the map has light",
+            found=f"{', '.join(labels[index] for index in unlit)} nm alone",
+            where=str(measured),
+            todo="Give the lamps spectra that reach as far, if they send light there.",
+        )
     matched = match_readings(light, table, within_m, measured)
     kept = list(columns)
     names = [labels[index] for index in kept]
     tables, notes = [], [*result_notes(assumptions_of(light)), *matched.notes]
+    if unlit:
+        notes.append(
+            f"Channels into which the lamps send next to nothing, by their spectra, are not compared: "
+            f"{', '.join(labels[index] for index in unlit)} nm. If they do, give them spectra that reach as far."
+        )
     spectra = illuminance = None
     if columns:
         real = irradiance_of(table, list(columns.values()), unit, scale, measured)
         spectra, said = compare_readings(light.isel(band=kept), "irradiance", real, matched, names, scale, measured)
-        foreign = [name for name in map(str, table.columns) if name.startswith("E_") and name not in columns.values()]
-        notes += [*said, *_channel_notes(len(labels) - len(kept), foreign), *_factor_note(spectra.scale, scale)]
+        foreign = [name for name in map(str, table.columns) if name.startswith("E_") and name not in read_columns]
+        lacking = len(labels) - len(kept) - len(unlit)
+        notes += [*said, *_channel_notes(lacking, foreign), *_factor_note(spectra.scale, scale)]
         notes += _level_note(spectra, unit, scale)
         tables += [comparison_table(spectra.comparisons), band_table(spectra, names)]
     if lux is not None and not has_illuminance(light):
@@ -161,6 +179,12 @@ def evaluate_run(
         tables=tuple(tables),
         notes=tuple(notes),
     )
+
+
+def _dark_channels(light: xr.Dataset) -> BoolArray:
+    """(band,) whether a channel of a map has less than a thousandth of the brightest one's light."""
+    mean = light["irradiance"].transpose("point", "band").to_numpy().astype(np.float64).mean(axis=0)
+    return np.asarray(mean <= DARK_CHANNEL * mean.max(), dtype=np.bool_)
 
 
 def save_evaluation(evaluation: Evaluation, folder: Path) -> Path:
@@ -219,10 +243,7 @@ def _factor_note(factors: FloatArray, scale: Scale) -> tuple[str, ...]:
 
 def _level_note(compared: ComparedReadings, unit: str, scale: Scale) -> tuple[str, ...]:
     """A note where readings are so far from the map that their unit is in doubt."""
-    lit = compared.synthetic > 0  # channels in which no lamp sends anything say nothing of a unit
-    if not lit.any():
-        return ()
-    ratio = float(np.median(compared.real[lit] / compared.synthetic[lit]))
+    ratio = float(np.median(compared.real / np.maximum(compared.synthetic, 1e-30)))
     if scale != "none" or 1.0 / UNLIKELY_RATIO < ratio < UNLIKELY_RATIO:
         return ()
     doubt, errors = "Check their unit (--unit: W/m2/nm, uW/cm2 or counts)", "'absolute' below says nothing"
