@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
+from lidarspectra.lamps.lamp_spectra import DARK_CHANNEL, luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.maps.map_schema import kept_points
@@ -82,11 +82,15 @@ def lamps_table(before: Sequence[Lamp], after: Sequence[tuple[str, float, float]
 
 
 def channels_table(before: PointLight, after: PointLight, places: xr.Dataset) -> Table:
-    """Mean irradiance of every channel before and after, over the points that are not buried."""
+    """Mean irradiance of every channel before and after, over the points that are not buried.
+
+    A channel that was dark beside the brightest has no change: of nothing it would be any.
+    """
     kept = kept_points(places)
     means = [1e3 * light.irradiance[kept].mean(axis=0) for light in (before, after)]
     columns = {"channel [nm]": before.centers_nm, "as traced [mW/m²/nm]": means[0], "now [mW/m²/nm]": means[1]}
-    frame = pd.DataFrame({**columns, CHANGE: changes_percent(means[0], means[1])})
+    lit = np.where(means[0] > DARK_CHANNEL * means[0].max(), means[0], 0.0)
+    frame = pd.DataFrame({**columns, CHANGE: changes_percent(lit, means[1])})
     formats = {"channel [nm]": "g", "as traced [mW/m²/nm]": ".3g", "now [mW/m²/nm]": ".3g", CHANGE: "+.1f"}
     return Table(name="channels", caption="Mean irradiance by channel, before and after.", frame=frame, formats=formats)
 

@@ -1,5 +1,8 @@
 """The answer to changed lamps: what the light was, what it is, and by how much it changed."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from lidarspectra.mapping.maps.map_schema import kept_points
@@ -31,6 +34,14 @@ def test_lamps_that_are_off_are_no_error(make_transport, lamps) -> None:
     table = answer_table(light_of_lamps(transport, fluxes), dark, transport).frame.set_index("light")
     assert table.loc["mean illuminance [lx]", "change [%]"] == pytest.approx(-100.0)
     assert table.loc["uniformity U0, lowest over mean [1]"].isna()["now"]
+
+
+def test_a_channel_that_was_dark_has_no_change_of_a_power_of_ten(make_transport, lamps) -> None:
+    light = light_of_lamps(make_transport(points=4), {lamp.name: lamp.flux for lamp in lamps})
+    dark = np.where(np.arange(light.centers_nm.size) == 0, 1e-70, 1.0)  # as 940 nm of LEDs
+    transport = make_transport(points=4)
+    table = channels_table(replace(light, irradiance=light.irradiance * dark, lamps=()), light, transport).frame
+    assert table["change [%]"].isna().tolist() == [True] + [False] * (light.centers_nm.size - 1)
 
 
 def test_photometry_says_what_each_quantity_was(make_transport, lamps, bands) -> None:
