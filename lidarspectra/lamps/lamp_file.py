@@ -7,18 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from lidarspectra.errors import LampError
+from lidarspectra.errors import LampError, WorkspaceError
+from lidarspectra.io.array_files import read_arrays, write_arrays
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.lamps.patterns import Opening, SunBeam
+from lidarspectra.lamps.patterns import Opening, SkyLight, SunBeam
 from lidarspectra.lamps.shapes import shape_of
 from lidarspectra.spectra.spectrum import Spectrum
 
 LAMPS_RECORD = "lamps.json"
-SAVED = (str, float, int)  # types of what is kept of a shape: not the sky's directions, which are in the scene
+SKIES_FILE = "skies.npz"  # beside it, where windows have daylight: what comes in by direction
+SAVED = (str, float, int)  # types of what the record keeps of a shape
 
 
 def save_lamps(lamps: Sequence[Lamp], folder: Path) -> Path:
-    """Write lamps, with their absolute spectra, as `lamps.json`.
+    """Write lamps, with their absolute spectra, as `lamps.json`, and the sky behind windows as `skies.npz`.
 
     Parameters
     ----------
@@ -30,6 +32,11 @@ def save_lamps(lamps: Sequence[Lamp], folder: Path) -> Path:
     -------
     path : Path
     """
+    skies = {
+        f"window{number}": lamp.shape.pattern.incoming.astype(np.float32)
+        for number, lamp in enumerate(lamps)
+        if isinstance(lamp.shape.pattern, SkyLight)
+    }
     rows = [
         {
             "name": lamp.name,
@@ -40,12 +47,15 @@ def save_lamps(lamps: Sequence[Lamp], folder: Path) -> Path:
             "rotation_deg": lamp.rotation_deg,
             "options": {name: value for name, value in lamp.shape.options.items() if isinstance(value, SAVED)},
             "openings": _openings(lamp),
+            "sky": name if (name := f"window{number}") in skies else None,
             "spectrum_name": lamp.flux.name,
             "wavelengths_nm": lamp.flux.wavelengths_nm.tolist(),
             "flux_W_nm": lamp.flux.values.tolist(),
         }
-        for lamp in lamps
+        for number, lamp in enumerate(lamps)
     ]
+    if skies:
+        write_arrays(folder / SKIES_FILE, **skies)
     path = folder / LAMPS_RECORD
     path.write_text(
         json.dumps(rows, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8", newline="\n"
@@ -64,7 +74,7 @@ def load_lamps(folder: Path) -> tuple[Lamp, ...]:
     Returns
     -------
     lamps : tuple of Lamp
-        As saved: what light they give by how much, and where the sun comes in. The sky by direction is in the scene.
+        As saved: what light they give by how much, where the sun comes in, and what windows let in from where.
 
     Raises
     ------
@@ -73,10 +83,12 @@ def load_lamps(folder: Path) -> tuple[Lamp, ...]:
     """
     path = folder / LAMPS_RECORD
     try:
+        rows = json.loads(path.read_text(encoding="utf-8"))
+        skies = read_arrays(folder / SKIES_FILE) if any(row.get("sky") for row in rows) else {}
         return tuple(
             Lamp(
                 name=row["name"],
-                shape=shape_of(row["shape"], tuple(row["size_m"]), **row["options"], **_given_openings(row)),
+                shape=shape_of(row["shape"], tuple(row["size_m"]), **row["options"], **_given_light(row, skies)),
                 center=np.array(row["center_m"]),
                 normal=np.array(row["normal"]),
                 rotation_deg=row["rotation_deg"],
@@ -86,9 +98,9 @@ def load_lamps(folder: Path) -> tuple[Lamp, ...]:
                     name=row["spectrum_name"],
                 ),
             )
-            for row in json.loads(path.read_text(encoding="utf-8"))
+            for row in rows
         )
-    except (OSError, ValueError, KeyError, TypeError) as cause:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, WorkspaceError) as cause:
         raise LampError(
             expected="the lamps of a scene, as this version writes them",
             found=f"{type(cause).__name__}: {cause}",
@@ -108,8 +120,10 @@ def _openings(lamp: Lamp) -> list[dict[str, object]]:
     ]
 
 
-def _given_openings(row: Mapping[str, Any]) -> dict[str, Any]:
-    """The sun's openings as an option of its shape; none in files of earlier versions."""
+def _given_light(row: Mapping[str, Any], skies: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
+    """The sun's openings, or what a window lets in, as options of its shape; none in files of earlier versions."""
+    if row.get("sky"):
+        return {"incoming": skies[row["sky"]].astype(np.float64)}
     if not row.get("openings"):
         return {}
     return {

@@ -16,6 +16,7 @@ from lidarspectra.config import RunFile, parse_run_file, require_no_run_file
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.geometry.scan import Scan, load_scan
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.patterns import SkyLight
 from lidarspectra.mapping.calibration.model import STEEPEST, LightModel
 from lidarspectra.mapping.maps.response_weights import lamp_weights
 from lidarspectra.mapping.maps.visible_bands import luminosity
@@ -108,7 +109,9 @@ def run_room(run: Path) -> RunRoom:
     _require_made_for(run_file, run, name=request.name)
     scan, room = load_scan(folders["scan"]), load_room(folders["scan"])
     part = surface_parts(scan, room)
-    clear = clear_lamps(present_lamps_of_run(run), scan)  # as the scene stage did
+    lamps = present_lamps_of_run(run)
+    _require_skies(lamps, run_file, run)
+    clear = clear_lamps(lamps, scan)  # as the scene stage did
     return RunRoom(
         run_file=run_file,
         base=(run / request.folder).resolve(),
@@ -122,6 +125,22 @@ def run_room(run: Path) -> RunRoom:
         bands=load_scene(folders["scene"]).bands,
         part=part,
     )
+
+
+def _require_skies(lamps: Sequence[Lamp], run_file: RunFile, run: Path) -> None:
+    """Raise a WorkspaceError where a run of an earlier version does not keep what its windows let in from where.
+
+    Traced anew, they would send the same light in all directions, and stand in the sun's way.
+    """
+    windows = set() if run_file.daylight is None else {window.name for window in run_file.daylight.windows}
+    without = [each.name for each in lamps if each.name in windows and not isinstance(each.shape.pattern, SkyLight)]
+    if without:
+        raise WorkspaceError(
+            expected="a scene that keeps the sky behind its windows",
+            found=f"one of an earlier version, without that of '{without[0]}'",
+            where=str(run),
+            todo="Make the scene again: lidarspectra run ROOM.toml --from scene.",
+        )
 
 
 def _require_made_for(run_file: RunFile, run: Path, *, name: str) -> None:

@@ -10,6 +10,7 @@ import trimesh
 
 from lidarspectra.errors import LampError
 from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
+from lidarspectra.lamps.lamp_file import load_lamps, save_lamps
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import Material, MaterialMap
@@ -29,7 +30,9 @@ from lidarspectra.radiance.scene.sky import (
     sky_spectrum,
     sun_altitude_deg,
 )
+from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
+from lidarspectra.workflow.room_model import RoomModel
 
 GENSKY_EFFICACY = 179.0  # [lm/W] Radiance's convention for white
 CET = timezone(timedelta(hours=1))
@@ -340,3 +343,26 @@ def test_skies_have_the_strength_of_spectrl2_and_the_cie(engine: Engine, tmp_pat
     half = compute_sky(day(12, cloud_cover=0.5), tmp_path / "half", engine, atmosphere=clear_air)
     np.testing.assert_allclose(half.radiance, (clear.radiance + overcast.radiance) / 2, rtol=1e-6)
     np.testing.assert_allclose(half.sun_irradiance, clear.sun_irradiance / 2, rtol=1e-6)
+
+
+def test_windows_and_sun_that_were_saved_and_read_send_what_they_sent(tmp_path: Path) -> None:
+    """A calibration, a design, a picture and a live sensor's place are traced with the lamps that a run kept."""
+    above = np.where(ALTITUDES_DEG > 0, 1.0, 0.05)  # bright sky, dark ground: a Lambertian window lights the ceiling
+    towards = np.array([0.0, -0.6, 0.8])
+    sky = Sky(
+        radiance=np.ones((AZIMUTHS_DEG.size, 1, SKY_WAVELENGTHS_NM.size)) * above[:, None],
+        sun_direction=towards,
+        sun_irradiance=np.full(SKY_WAVELENGTHS_NM.size, 5.0),
+    )
+    window = Window(name="south", center=(1.5, 0.01, 1.5), normal=(0.0, 1.0, 0.0), size=(1.0, 1.0))
+    lamps = daylight_lamps(sky, (window,))
+    save_lamps(lamps, tmp_path)
+    room = RoomModel.from_box(*ROOM_M, floor=0.0, walls=0.0, ceiling=0.0)
+    points = SensorPoints(
+        positions=np.array([[1.5, 0.6, 0.7], [1.5, 2.0, 0.8], [1.5, 2.0, 1.7]]),
+        normals=np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]),
+    )
+    before, after = (room.light(each, points)["irradiance"].to_numpy() for each in (lamps, load_lamps(tmp_path)))
+    assert before.min() > 0
+    assert before[0].mean() > 1.0  # in the sun
+    assert after == pytest.approx(before, rel=0.03)  # the noise of the window's direct light, six times

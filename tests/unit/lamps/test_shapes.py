@@ -9,10 +9,10 @@ import pytest
 
 from lidarspectra.config import LampSection
 from lidarspectra.errors import LampError
-from lidarspectra.lamps.lamp_file import load_lamps, save_lamps
+from lidarspectra.lamps.lamp_file import SKIES_FILE, load_lamps, save_lamps
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.make_lamp import GivenShape
-from lidarspectra.lamps.patterns import CosinePower, Opening
+from lidarspectra.lamps.patterns import CosinePower, Lambertian, Opening, SkyLight
 from lidarspectra.lamps.shapes import (
     SHAPES,
     TWO_FACES_APART_M,
@@ -33,6 +33,7 @@ from lidarspectra.radiance.engine.bands import band_groups
 from lidarspectra.radiance.scene.daylight import openings_of
 from lidarspectra.radiance.scene.lamp_text import lamp_geometry_text, lamp_material_text
 from lidarspectra.radiance.scene.primitives import Color
+from lidarspectra.radiance.scene.sky import ALTITUDES_DEG, AZIMUTHS_DEG, SKY_WAVELENGTHS_NM
 from lidarspectra.spectra.spectrum import Spectrum
 
 FLAT = Spectrum(wavelengths_nm=[400, 700], values=[1.0, 1.0])
@@ -106,6 +107,19 @@ def test_lamps_come_back_from_their_file(shape: Shape, tmp_path: Path) -> None:
     assert one.size == shape.size
     assert one.shape.pattern.__class__ is shape.pattern.__class__
     np.testing.assert_allclose(one.outline(), lamp(shape).outline())
+
+
+def test_a_window_comes_back_with_the_sky_behind_it_and_beside_one_without(tmp_path: Path) -> None:
+    incoming = np.random.default_rng(3).random((AZIMUTHS_DEG.size, ALTITUDES_DEG.size, SKY_WAVELENGTHS_NM.size))
+    given = [lamp(Panel(0.6, 0.6)), lamp(Window(1.2, 1.0)), lamp(Window(1.2, 1.0, incoming))]
+    save_lamps(given, tmp_path)
+    _, plain, daylit = load_lamps(tmp_path)
+    assert plain.shape.pattern == Lambertian()
+    assert isinstance(daylit.shape.pattern, SkyLight)
+    np.testing.assert_allclose(daylit.shape.pattern.incoming, incoming, rtol=1e-6)  # single precision
+    (tmp_path / SKIES_FILE).unlink()
+    with pytest.raises(LampError, match="Make the scene again"):
+        load_lamps(tmp_path)
 
 
 def test_the_sun_is_no_part_of_the_room_and_comes_back_with_its_windows(tmp_path: Path) -> None:
