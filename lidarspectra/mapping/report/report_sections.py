@@ -369,11 +369,11 @@ def _missed_words(report: ReportInput) -> str:
         return f"none of {report.transport.sizes['point']}"
     places = np.stack([report.transport[axis].to_numpy()[missed[:MAX_MISSED_NAMED]] for axis in "xyz"], axis=1)
     named = ", ".join(
-        f"{number} at ({x:.2f}, {y:.2f}, {z:.2f}) m" for number, (x, y, z) in zip(missed, places, strict=False)
+        f"{number} at ({x:.2f}, {y:.2f}, {z:.2f}) m" for number, (x, y, z) in zip(missed + 1, places, strict=False)
     )
     more = missed.size - MAX_MISSED_NAMED
     return (
-        f"{missed.size} of {report.transport.sizes['point']}, numbered from 0: {named}"
+        f"{missed.size} of {report.transport.sizes['point']}, numbered as in the room in 3D: {named}"
         + (f", and {more} more (missed_target in transport.nc)" if more > 0 else "")
         + ". Their values are right within their error bars."
     )

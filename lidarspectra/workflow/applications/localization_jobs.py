@@ -393,7 +393,7 @@ def place_to_rebuild(run: Path, count: int | None, out: Path, doubts: MapDoubts 
     noise = np.hypot(doubts.noise, REPEATABILITY) * np.maximum(light.sum(axis=0) / scale, 1e-6)
     wanted = min(USUAL_SENSORS, free.size) if count is None else count
     chosen = choose_to_rebuild(covariance, wanted, noise=noise)
-    names = [f"point {number}" for number in free]
+    names = [f"point {number}" for number in free + 1]  # as the report's room in 3D and `live` number them
     return _placement_report(chosen, names, positions, out, label="error of the map over its mean [1]")
 
 

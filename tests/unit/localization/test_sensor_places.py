@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from itertools import combinations
+from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from lidarspectra.mapping.localization.sensor_places import (
     map_covariance,
     place_changes,
 )
+from lidarspectra.workflow.applications.localization_jobs import place_to_rebuild
 
 
 def test_the_sensor_that_tells_all_places_apart_comes_first() -> None:
@@ -108,3 +111,19 @@ def test_a_sensor_that_people_change_by_chance_counts_less(make_table: Callable[
     told = [np.abs(found[:, 2]).mean() / np.abs(found[:, [0, 1, 3, 4, 5]]).mean() for found in (plain, shaken)]
     # A scatter of 5 % where people differ by some .3 %: against the others, the sensor tells a fraction of what it told
     assert told[1] < 0.5 * told[0]
+
+
+def test_a_runs_points_have_the_numbers_that_report_and_live_give_them(tmp_path: Path) -> None:
+    # Of four points the first lies in furniture; the fourth alone is lit, so that it is chosen first.
+    lit = np.array([1.0, 1e-6, 1e-6, 1.0])
+    transport = xr.Dataset(
+        {"coefficient": (("lamp", "point", "band"), lit[None, :, None]), "flux": (("lamp", "band"), [[1.0]])},
+        coords={
+            "buried": ("point", [1, 0, 0, 0]),
+            **{axis: ("point", [0.0, 5.0, 10.0, 15.0]) for axis in "xyz"},
+        },
+    )
+    with patch("lidarspectra.workflow.applications.localization_jobs.transport_of_run", return_value=transport):
+        report = place_to_rebuild(tmp_path, 1, tmp_path)
+    (chosen,) = report.tables[0].frame.to_dict("records")
+    assert (chosen["added"], chosen["x [m]"]) == ("point 4", 15.0)

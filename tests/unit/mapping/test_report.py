@@ -278,8 +278,8 @@ def test_points_that_missed_a_target_of_their_own_are_named(report, tmp_path):
     _, page = _read(write_report(tmp_path / "missed", replace(report, transport=transport)))
     assert "target 1 % of each point's own light, not met" in page.text
     x, y, z = (float(transport[axis][5]) for axis in "xyz")
-    assert f"2 of {missed.size}, numbered from 0: 3 at" in page.text
-    assert f"5 at ({x:.2f}, {y:.2f}, {z:.2f}) m." in page.text
+    assert f"2 of {missed.size}, numbered as in the room in 3D: 4 at" in page.text
+    assert f"6 at ({x:.2f}, {y:.2f}, {z:.2f}) m." in page.text
 
 
 @pytest.mark.usefixtures("undrawn")
