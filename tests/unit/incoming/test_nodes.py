@@ -59,6 +59,43 @@ def test_a_node_that_restarts_begins_its_clock_anew() -> None:
     assert status.drift_ppm == pytest.approx(50.0, abs=3.0)
 
 
+def test_a_node_that_sends_its_channels_one_by_one_has_no_gap_between_its_readings() -> None:
+    clock = NodeClock("a")
+    for second in range(100):
+        for place, label in enumerate(CHANNEL_LABELS):  # a topic a channel, as ESPHome publishes
+            at_s = 1e9 + second + 0.01 * place + (300.0 if second >= 50 else 0.0)
+            clock.take(Arrival(sensor="a", values={label: 1.0}, unix_s=at_s))
+    status = clock.status
+    assert (status.readings, status.gaps) == (100, 1)
+    assert status.longest_gap_s == pytest.approx(301.0)
+
+
+@pytest.mark.parametrize("held_up", [2, 40])
+def test_readings_that_a_broker_held_up_do_not_make_the_usual_interval_short(held_up: int) -> None:
+    clock = NodeClock("a")
+    for second in range(100):
+        at_s = 1e9 + (0.001 * second if second < held_up else second)
+        clock.take(Arrival(sensor="a", values={"lux": 1.0}, unix_s=at_s))
+    assert clock.status.gaps == (0 if held_up == 2 else 1)  # of 40 s, in which nothing came
+
+
+def test_a_clock_of_32_bits_that_goes_on_from_0_is_no_restart() -> None:
+    clock = NodeClock("a")
+    for arrival in arrivals_of(50e-6, 3000, origin_s=2**32 / 1000 - 1500.0):
+        device_s = (arrival.device_s or 0.0) % (2**32 / 1000)
+        clock.take(Arrival(sensor="a", values=arrival.values, unix_s=arrival.unix_s, device_s=device_s))
+    assert clock.status.restarts == 0
+    assert clock.status.drift_ppm == pytest.approx(50.0, abs=5.0)
+
+
+def test_a_node_that_restarts_after_weeks_has_no_clock_that_went_on() -> None:
+    clock = NodeClock("a")
+    for origin_s in (3e6, 0.0):
+        for arrival in arrivals_of(0.0, 10, origin_s=origin_s):
+            clock.take(arrival)
+    assert clock.status.restarts == 1
+
+
 def test_little_is_kept_of_a_long_recording_and_its_drift_is_still_found() -> None:
     clock = NodeClock("a")
     for hour in range(72):
