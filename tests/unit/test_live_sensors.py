@@ -276,6 +276,7 @@ def test_readings_that_are_old_count_no_more() -> None:
     silent = present.answer(111.0)
     assert silent.states.count == 0
     assert silent.states.sd.min() > 0.5  # nothing is known
+    assert present.answer(100.0 - 3600.0).states.count == 0  # the clock was set back by an hour
 
 
 def test_the_map_goes_without_a_sensor_that_is_covered_and_without_a_switch_that_lies() -> None:

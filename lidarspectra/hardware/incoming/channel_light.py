@@ -16,7 +16,8 @@ class ChannelLight:
     calibration : Calibration, optional
         Of this device; the data sheet's responsivity by default.
     settings : SensorSettings, optional
-        For devices that do not report theirs.
+        For devices that do not report theirs. They count no more once the device has: where it does not later, it has
+        restarted, and nobody knows with what it measured.
     """
 
     def __init__(self, calibration: Calibration | None = None, settings: SensorSettings | None = None) -> None:
@@ -39,7 +40,9 @@ class ChannelLight:
         gain, integration_ms : float
             NaN where the device does not say. [1], [ms]
         """
-        if self._settings is not None:
+        if np.isfinite(gain) and np.isfinite(integration_ms):
+            self._settings = None
+        elif self._settings is not None:
             gain = gain if np.isfinite(gain) else self._settings.gain
             integration_ms = integration_ms if np.isfinite(integration_ms) else self._settings.integration_ms
         signal = np.asarray(counts if self._kind == "basic counts" else module_values, dtype=np.float64)

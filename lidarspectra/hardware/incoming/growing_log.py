@@ -1,14 +1,17 @@
 """A log that another program writes to, followed as it grows.
 
-It may be rotated (renamed, with a new one in its place), cut back to nothing, missing for a while, and its last line
-may be half written: a line counts once its end is there. Known are the recorder's log (`sensor record`), and any CSV
-whose header has some of: sensor, unix_s, state, lux, E_410 ... [W/m²/nm] (what `ArrivalLog` writes).
+It may be rotated (renamed, with a new one in its place), cut back to nothing, missing for a while, or copied anew with
+a few lines more (as rsync does), and its last line may be half written: a line counts once its end is there. Known are
+the recorder's log (`sensor record`), and any CSV whose header has some of: sensor, unix_s, state, lux, E_410 ...
+[W/m²/nm] (what `ArrivalLog` writes).
 """
 
 import csv
 import math
 import os
+import time
 from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import IO
 
@@ -24,6 +27,7 @@ CHUNK_BYTES = 1 << 20
 LONGEST_LINE_BYTES = 1 << 16  # what is longer without an end is no line of a log
 LOOK_BACK_BYTES = 1 << 14  # of a log that is there already, enough for its last reading
 HEADER_BYTES = 1 << 16
+MARK_BYTES = 1 << 12  # of a log's beginning, and of what was read last, by which it is known again
 MAX_TOLD = 20  # names and words that are said of one log
 _CHANNELS = {f"E_{label}": label for label in CHANNEL_LABELS}
 
@@ -51,6 +55,7 @@ class GrowingLog:
         self._light = light or ChannelLight()
         self._rows = LogRows(sensor, self._light, known)
         self._rest = b""
+        self._mark: tuple[int, bytes, bytes] | None = None  # how far was read, the log's beginning, and what was last
 
     @property
     def name(self) -> str:
@@ -59,7 +64,7 @@ class GrowingLog:
 
     def run(self, put: Put, stop: Stop) -> None:
         """Give the last reading that is there, then each as its line comes; a file that is not there is waited for."""
-        is_missed, is_first = False, True
+        is_missed = False
         while not stop():
             try:
                 file = self._path.open("rb")
@@ -67,18 +72,46 @@ class GrowingLog:
                 if not is_missed:
                     words = f"The log cannot be opened ({cause.strerror}); it is tried again until it can."
                     put(Notice(source=self.name, text=words))
-                is_missed, is_first = True, False
+                is_missed = True
                 pause(POLL_S, stop)
                 continue
-            if is_missed:
-                put(Notice(source=self.name, text="The log is there again."))
-            is_missed = False
             with file:
                 self._rest = b""
-                if is_first:
-                    self._skip(file, put)
-                is_first = False
+                if self._mark is None and (not is_missed or os.fstat(file.fileno()).st_size > LOOK_BACK_BYTES):
+                    self._begin(file, put)
+                elif not self._is_known(file):
+                    file.seek(0)
+                if is_missed:
+                    put(Notice(source=self.name, text="The log is there again."))
+                is_missed = False
                 self._follow(file, put, stop)
+
+    def _begin(self, file: IO[bytes], put: Put) -> None:
+        """Give the last reading that is there, of when the log was last written to."""
+        written_s = os.fstat(file.fileno()).st_mtime
+        self._skip(file, put)
+        self._take(file.read(CHUNK_BYTES), put, unix_s=min(written_s, time.time()))
+        self._set_mark(file)
+
+    def _is_known(self, file: IO[bytes]) -> bool:
+        """Whether a file has all that was read of the log before; it is read on from there then."""
+        if self._mark is None:
+            return False
+        end, head, tail = self._mark
+        if file.read(len(head)) != head:
+            return False
+        file.seek(end - len(tail))
+        return file.read(len(tail)) == tail
+
+    def _set_mark(self, file: IO[bytes]) -> None:
+        """Remember how far the log is read, to the end of a line."""
+        here = file.tell()
+        end = here - len(self._rest)
+        file.seek(0)
+        head = file.read(min(end, MARK_BYTES))
+        file.seek(max(0, end - MARK_BYTES))
+        self._mark = (end, head, file.read(min(end, MARK_BYTES)))
+        file.seek(here)
 
     def past(self, on_notice: Callable[[Notice], None] = lambda notice: None) -> Iterator[Arrival]:
         """The readings that are there already, from the first to the last, each at its own time.
@@ -93,16 +126,23 @@ class GrowingLog:
         ReadingError
             If the log cannot be read.
         """
+        is_undated = False
         try:
             with self._path.open("rb") as file:
                 for line in file:
                     for item in self._rows.read(line) if line.endswith(b"\n") else ():
-                        if isinstance(item, Arrival):
-                            yield item
-                        else:
+                        if isinstance(item, Notice):
                             on_notice(item)
+                        elif math.isfinite(item.unix_s):
+                            yield item
+                        elif self._rows.tells_times:
+                            is_undated = True
+                        else:
+                            raise self._without_times()
         except OSError as cause:
             raise ReadingError(expected="a readable log", found=str(cause), where=self.name) from cause
+        if is_undated:
+            on_notice(Notice(source=self.name, text="Rows without a number in 'unix_s' are left out."))
         if not self._rows.has_header:
             raise ReadingError(
                 expected=f"a header that names some of lux, {', '.join(list(_CHANNELS)[:2])} ..., or a recorder's log",
@@ -110,6 +150,14 @@ class GrowingLog:
                 where=self.name,
                 todo="'lidarspectra sensor convert' makes such a table of any log that it knows.",
             )
+
+    def _without_times(self) -> ReadingError:
+        return ReadingError(
+            expected="a column 'unix_s', the time of each reading in seconds since 1970",
+            found="none",
+            where=self.name,
+            todo="'lidarspectra sensor convert' makes a table with it of a log whose times are written otherwise.",
+        )
 
     def _skip(self, file: IO[bytes], put: Put) -> None:
         """Go to where the last reading begins, with the header known; the lines between are of the past."""
@@ -142,11 +190,13 @@ class GrowingLog:
             data = file.read(CHUNK_BYTES)
             if data:
                 self._take(data, put)
+                self._set_mark(file)
                 continue
             if self._is_another(file):
                 more = file.read(CHUNK_BYTES)  # what was written between the last look and the rotation
                 if more:
                     self._take(more, put)
+                    self._set_mark(file)
                 return
             pause(POLL_S, stop)
 
@@ -161,15 +211,15 @@ class GrowingLog:
             return True
         return named.st_size < file.tell()
 
-    def _take(self, data: bytes, put: Put) -> None:
+    def _take(self, data: bytes, put: Put, *, unix_s: float | None = None) -> None:
+        """Give the readings of whole lines, which came now, by our clock, or at `unix_s`."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         if len(self._rest) > LONGEST_LINE_BYTES:
             self._rest = b""
         for line in lines:
             for item in self._rows.read(line):
-                if isinstance(item, Arrival):
-                    item = Arrival(sensor=item.sensor, values=item.values)  # noqa: PLW2901 - it came now, by our clock
-                put(item)
+                came_s = time.time() if unix_s is None else unix_s
+                put(replace(item, unix_s=came_s) if isinstance(item, Arrival) else item)
 
 
 def names_sensors(path: Path) -> bool:
@@ -218,12 +268,17 @@ class LogRows:
         return bool(self._columns)
 
     @property
+    def tells_times(self) -> bool:
+        """Whether the columns tell when readings were made."""
+        return "unix_s" in self._columns
+
+    @property
     def names_sensors(self) -> bool:
         """Whether the columns name the sensor."""
         return "sensor" in self._columns
 
     def read(self, line: bytes) -> list[Arrival | Notice]:
-        """The reading that a line holds, if it is one; a notice once for lines that are none."""
+        """The reading that a line holds, of NaN where it tells no time; a notice once for lines that are no reading."""
         text = line.decode("utf-8-sig", errors="replace").strip("\r\n\0 ")  # with the mark that Windows begins it with
         if not text or text.startswith("#"):
             return []
@@ -265,9 +320,8 @@ class LogRows:
             return self._once(
                 word, f"'{word[:30]}' of sensor '{name}' is no number and is left out; this is said once."
             )
-        when = _number(row.get("unix_s", ""))
-        stamp = {"unix_s": when} if math.isfinite(when) else {}
-        found: list[Arrival | Notice] = [Arrival(sensor=name, values=values, **stamp)]
+        when_s = _number(row.get("unix_s", ""))
+        found: list[Arrival | Notice] = [Arrival(sensor=name, values=values, unix_s=when_s)]
         if self._known is not None and name not in self._known and STATE not in values:
             words = f"Its log names a sensor '{name}', which no source is called: such rows are left out. Known here: "
             found += self._once(name, f"{words}{', '.join(sorted(self._known))}.")

@@ -1,23 +1,30 @@
 """An MQTT broker as a source of readings, with the extra `mqtt`.
 
 The session is persistent and every topic is subscribed to with quality of service 1: a broker that keeps sessions holds
-what is published while the connection is down, and delivers it afterwards.
+what is published while the connection is down, and delivers it afterwards, all at once: no message of MQTT 3.1.1 says
+when it was published. What a broker retains of a topic, for whoever subscribes, may be of a sensor that has been dead
+for days: it is taken for the state of a switch, and for no reading.
 """
 
 import math
 import time
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
 
 from lidarspectra.errors import DeviceError
-from lidarspectra.hardware.incoming.arrivals import BACK_OFF_S, NODE_TIME, Arrival, Notice, Put, Stop, pause
+from lidarspectra.hardware.incoming.arrivals import BACK_OFF_S, NODE_TIME, STATE, Arrival, Notice, Put, Stop, pause
 from lidarspectra.hardware.incoming.payloads import Reader, value_reader
 
 KEEPALIVE_S = 30  # [s] a broker that is silent for one and a half of these is gone
 QUALITY = 1  # of service: at least once
 MAX_PAYLOAD_BYTES = 1 << 16
+HELD_S, HELD_MESSAGES = (
+    1.0,
+    3,
+)  # [s], of one topic: so many so soon after a session goes on were held by the broker
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +106,8 @@ class MqttSource:
             self._readers.setdefault(topic.topic, []).append((topic, value_reader(topic.template)))
         self._said: set[str] = set()
         self._is_lost = False
+        self._connected_s = -math.inf
+        self._early: Counter[str] = Counter()
 
     @property
     def name(self) -> str:
@@ -131,10 +140,12 @@ class MqttSource:
         if broker.tls:
             client.tls_set()
 
-        def connected(caller: Any, data: object, flags: object, reason: Any, properties: object) -> None:
+        def connected(caller: Any, data: object, flags: Any, reason: Any, properties: object) -> None:
             if reason.is_failure:
                 self._lost(put, f"The broker refuses the connection ({reason})")
                 return
+            self._connected_s = time.monotonic() if flags.session_present else -math.inf
+            self._early.clear()
             caller.subscribe([(topic, QUALITY) for topic in self._readers])
 
         def subscribed(caller: Any, data: object, number: int, reasons: Sequence[Any], properties: object) -> None:
@@ -151,7 +162,11 @@ class MqttSource:
 
         client.on_connect, client.on_subscribe, client.on_disconnect = connected, subscribed, disconnected
         client.on_connect_fail = lambda caller, data: self._lost(put, "The broker cannot be reached")
-        client.on_message = lambda caller, data, message: self._take(message.topic, message.payload, put)
+
+        def received(caller: Any, data: object, message: Any) -> None:
+            self._take(message.topic, message.payload, put, is_retained=message.retain)
+
+        client.on_message = received
         return client
 
     def _lost(self, put: Put, words: str) -> None:
@@ -159,10 +174,14 @@ class MqttSource:
             put(Notice(source=self.name, text=f"{words}; it is tried again until it answers."))
         self._is_lost = True
 
-    def _take(self, name: str, payload: bytes, put: Put) -> None:
+    def _take(self, name: str, payload: bytes, put: Put, *, is_retained: bool = False) -> None:
         now_s = time.time()
+        self._look_for_held(name, put)
         values: dict[str, dict[str, float]] = {}
         for topic, reader in self._readers.get(name, []):
+            if is_retained and topic.quantity != STATE:
+                self._say_once(put, f"retained {name}", f"What the broker kept of topic '{name}' is of unknown age")
+                continue
             try:
                 number = topic.factor * reader(payload[:MAX_PAYLOAD_BYTES].decode("utf-8"))
             except (
@@ -180,9 +199,18 @@ class MqttSource:
             if each:
                 put(Arrival(sensor=sensor, values=each, unix_s=now_s, device_s=device_s))
 
-    def _say_once(self, put: Put, topic: str, words: str) -> None:
-        if topic not in self._said:
-            self._said.add(topic)
+    def _look_for_held(self, topic: str, put: Put) -> None:
+        """Say that readings were held, once for each connection: their times are those of their arrival."""
+        if time.monotonic() - self._connected_s > HELD_S or HELD_MESSAGES in self._early.values():
+            return
+        self._early[topic] += 1
+        if self._early[topic] == HELD_MESSAGES:
+            words = f"Readings of topic '{topic}' and maybe others came at once: the broker held them while nobody "
+            put(Notice(source=self.name, text=f"{words}listened. Their times are those of their arrival."))
+
+    def _say_once(self, put: Put, about: str, words: str) -> None:
+        if about not in self._said:
+            self._said.add(about)
             put(Notice(source=self.name, text=f"{words}; it is left out, and this is said once."))
 
 

@@ -42,6 +42,7 @@ from lidarspectra.hardware.sensor.sensor_records import Moment, Reading, Trouble
 from lidarspectra.hardware.sensor.sketch_text import SketchTextDriver, split_row
 from lidarspectra.words import were
 
+RECORDER_LAYOUT = "lidarspectra recorder"
 CELLS_APART_S = 2.0  # [s] largest time between a spectrum and the cell reading joined to it
 NOISE_CHARACTERS = 10_000  # of a text that are looked at
 MAX_NOISE = 0.1  # [1] of them, that no printer has; more are no text
@@ -209,7 +210,13 @@ def sensors_of(readings: xr.Dataset) -> tuple[str, ...]:
 
 
 def _with_settings(log: SensorLog, settings: SensorSettings | None) -> SensorLog:
-    if settings is not None:
+    """The same with the user's gain and time where it has none.
+
+    A recorder's log of a device that tells them keeps its own: of a reading without, nobody knows them, since the device
+    had restarted.
+    """
+    tells_own = bool(np.isfinite(log.readings["gain"].to_numpy()).any())
+    if settings is not None and not (tells_own and log.readings.attrs["layout"] == RECORDER_LAYOUT):
         for name, value in (("gain", settings.gain), ("integration_ms", settings.integration_ms)):
             log.readings[name] = log.readings[name].fillna(value)
         log.readings.attrs["settings_said_by"] = "the user, where the log has none"
@@ -260,7 +267,7 @@ def _own_log(text: str, path: Path) -> SensorLog | None:
         integration_ms=[_float(row["integration_ms"]) for row in used],
         temperature_c=[[_float(row[f"temperature_{i}_c"]) for i in (1, 2, 3)] for row in used],
         adc=adc,
-        attributes={**_about(path, "lidarspectra recorder", said_by), "broken_lines": str(broken)},
+        attributes={**_about(path, RECORDER_LAYOUT, said_by), "broken_lines": str(broken)},
     )
     gaps = [
         {"since_unix_s": _float(row["since_unix_s"]), "unix_s": _float(row["unix_s"]), "stream": row["stream"],

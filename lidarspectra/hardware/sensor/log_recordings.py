@@ -47,6 +47,8 @@ def recording(path: Path) -> xr.Dataset | None:
     except OSError as cause:
         raise ReadingError(expected="a readable log", found=str(cause), where=str(path)) from cause
     table = pd.concat(parts, ignore_index=True) if parts else _numbers(header, [])
+    undated = table["unix_s"].isna() | (table["unix_s"] < MIN_UNIX_S)
+    table = table[~undated]
     has_light = table[list(CHANNEL_COLUMNS)].notna().any(axis=1)
     if not has_light.any():
         raise ReadingError(
@@ -55,6 +57,8 @@ def recording(path: Path) -> xr.Dataset | None:
     notes = []
     if cut:
         notes.append(f"{were(cut, 'row')} left out: cut, or of another version of this package.")
+    if undated.any():
+        notes.append(f"{were(int(undated.sum()), 'row')} left out, of no time since 1973: the clock had not been set.")
     if not has_light.all():
         notes.append(f"{were(int((~has_light).sum()), 'row')} left out, without channels: of lux meters and switches.")
     return _readings(table[has_light], path, notes)
@@ -65,7 +69,7 @@ def _numbers(header: str, lines: list[str]) -> pd.DataFrame:
     table = pd.read_csv(io.StringIO(header + "".join(lines)), usecols=list(COLUMNS), dtype={"sensor": "category"})
     numbers = table[["unix_s", *CHANNEL_COLUMNS]].apply(pd.to_numeric, errors="coerce").astype(np.float64)
     numbers["sensor"] = table["sensor"].astype(str)
-    return pd.DataFrame(numbers[numbers["unix_s"] >= MIN_UNIX_S])
+    return pd.DataFrame(numbers)
 
 
 def _readings(table: pd.DataFrame, path: Path, notes: list[str]) -> xr.Dataset:

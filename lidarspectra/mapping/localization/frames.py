@@ -10,7 +10,7 @@ import queue
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +34,7 @@ from lidarspectra.mapping.localization.fingerprint_files import (
 )
 from lidarspectra.mapping.localization.fingerprint_table import quantity_of
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM
+from lidarspectra.words import counted
 
 LONGEST_LINE_BYTES = 65536  # 1,000 sensors' channels or so
 HEADER_WITHIN_S = 30.0  # [s] a hub prints its header when it starts, and may print it again
@@ -151,7 +152,11 @@ def replay_logs(
             on_note(f"{name}: {note}")
         times = log["unix_s"].to_numpy()
         _require_counts_in_time(log, path, has_own_clock=len(set(logs.values())) > 1)
-        readings += [(float(t), name, row) for t, row in zip(times, log["counts"].to_numpy(), strict=True)]
+        counts = _at_one_exposure(log)
+        lost = int((np.isfinite(log["counts"].to_numpy()).any(axis=1) & ~np.isfinite(counts).any(axis=1)).sum())
+        if lost:
+            on_note(f"{name}: without {counted(lost, 'reading')} of unknown gain or integration time.")
+        readings += [(float(t), name, row) for t, row in zip(times, counts, strict=True)]
     readings.sort(key=lambda reading: reading[0])
     due_s = readings[0][0] + period_s
     for time_s, name, counts in readings:
@@ -160,6 +165,17 @@ def replay_logs(
             due_s += period_s
         assembler.take(name, time_s, counts)
     yield assembler.frame(due_s)
+
+
+def _at_one_exposure(log: xr.Dataset) -> FloatArray:
+    """(reading, channel) counts as they would be at the log's usual gain and time; NaN where its own are not known."""
+    counts = log["counts"].to_numpy()
+    exposure = (log["gain"] * log["integration_ms"]).to_numpy()
+    known = exposure[np.isfinite(exposure)]
+    if not known.size:  # a sketch that never tells them does not change them
+        return np.asarray(counts)
+    found, often = np.unique(known, return_counts=True)
+    return np.asarray(counts * (found[often.argmax()] / exposure)[:, None])
 
 
 def _require_counts_in_time(log: xr.Dataset, path: Path, *, has_own_clock: bool) -> None:
@@ -224,15 +240,16 @@ def frames_of_ports(
         try:
             for thread in threads:
                 thread.start()
-            due_s = clock.now().unix_s + period_s
+            exposures: dict[str, float] = {}
+            due_s = clock.now().monotonic_s + period_s
             while not stop() and any(thread.is_alive() for thread in threads):
-                _take_all(heard, assembler)
-                now_s = clock.now().unix_s
-                if now_s >= due_s and assembler.has_readings:
-                    yield assembler.frame(now_s)
-                    due_s = now_s + period_s
+                _take_all(heard, assembler, exposures)
+                now = clock.now()
+                if now.monotonic_s >= due_s and assembler.has_readings:
+                    yield replace(assembler.frame(now.monotonic_s), time_s=now.unix_s)
+                    due_s = now.monotonic_s + period_s
                 clock.sleep(min(WAIT_S, period_s))
-            _take_all(heard, assembler)
+            _take_all(heard, assembler, exposures)
         finally:
             ended.set()
             for thread in threads:
@@ -327,10 +344,24 @@ def _keep_port(
         heard.put((name, error))
 
 
-def _take_all(heard: "queue.Queue[tuple[str, Reading | LidarSpectraError]]", assembler: FrameAssembler) -> None:
-    """Take the readings from the queue; an error of a thread is raised here."""
+def _take_all(
+    heard: "queue.Queue[tuple[str, Reading | LidarSpectraError]]",
+    assembler: FrameAssembler,
+    exposures: dict[str, float],
+) -> None:
+    """Take the readings from the queue, at each sensor's first gain and time; an error of a thread is raised here.
+
+    Ages are by the clock that only runs forward: the other one may be set meanwhile.
+    """
     while not heard.empty():
         name, entry = heard.get()
         if isinstance(entry, LidarSpectraError):
             raise entry
-        assembler.take(name, entry.moment.unix_s, entry.counts)
+        exposure = entry.gain * entry.integration_ms
+        if np.isfinite(exposure):
+            scale = exposures.setdefault(name, exposure) / exposure
+        elif name in exposures:  # the device restarted, and nobody knows with which settings it measured
+            continue
+        else:
+            scale = 1.0
+        assembler.take(name, entry.moment.monotonic_s, scale * entry.counts)

@@ -162,7 +162,8 @@ class PresentLight:
     def answer(self, time_s: float) -> PresentAnswer:
         """The light at a moment [s since 1970], from the latest reading of every sensor."""
         room = self.room
-        read = np.where(time_s - self._since_s <= self._max_age_s, self._value, np.nan)
+        age_s = np.abs(time_s - self._since_s)  # what is of later was read before the clock was set back
+        read = np.where(age_s <= self._max_age_s, self._value, np.nan)
         said = self._said.copy()
         states = solve_states(room.model, read, self._prior_of(said))
         alarm = self._watch.take(states, read, said, time_s) if np.isfinite(read).any() else self._watch.alarm

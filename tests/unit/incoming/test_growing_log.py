@@ -1,5 +1,6 @@
 """A log followed while another program writes it: no line is lost, read twice, or read half."""
 
+import os
 import time
 from pathlib import Path
 
@@ -37,6 +38,66 @@ def test_lines_are_read_as_they_come_and_a_half_written_one_when_it_is_whole(tmp
         add(log, "50\n3,desk,160\n")
         assert heard.until(lambda heard: len(heard.arrivals) >= 3).lux() == [100.0, 150.0, 160.0]
     assert abs(heard.arrivals[0].unix_s - time.time()) < 3600  # its own clock is another one: it came now
+
+
+def test_the_last_reading_of_a_log_that_nobody_writes_to_any_more_is_none_of_now(tmp_path: Path, running) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("lux\n100\n", encoding="utf-8")
+    yesterday_s = time.time() - 86400.0
+    os.utime(log, (yesterday_s, yesterday_s))
+    with running(GrowingLog(log, sensor="desk")) as heard:
+        assert heard.until(lambda heard: heard.arrivals).lux() == [100.0]
+        add(log, "150\n")
+        assert heard.until(lambda heard: len(heard.arrivals) >= 2).lux() == [100.0, 150.0]
+    assert heard.arrivals[0].unix_s == pytest.approx(yesterday_s, abs=1.0)
+    assert time.time() - heard.arrivals[1].unix_s < 3600
+
+
+@pytest.mark.parametrize("rows", [1, 2000])
+def test_a_log_that_is_copied_anew_with_a_line_more_gives_that_line_alone(tmp_path: Path, running, rows: int) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text(HEAD + "".join(f"{n},desk,{n}\n" for n in range(rows)), encoding="utf-8")
+    with running(GrowingLog(log, sensor="desk")) as heard:
+        heard.until(lambda heard: heard.arrivals)
+        for turn in range(1, 4):
+            copy = tmp_path / "copy"
+            copy.write_text(log.read_text(encoding="utf-8") + f"{rows},desk,{rows + turn}\n", encoding="utf-8")
+            copy.replace(log)  # as rsync does
+            heard.until(lambda heard, turn=turn: len(heard.arrivals) > turn)
+        assert heard.lux() == [rows - 1, rows + 1, rows + 2, rows + 3]
+
+
+def test_a_log_that_is_gone_for_a_while_goes_on_where_it_was(tmp_path: Path, running) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text(HEAD + "".join(f"{n},desk,{n}\n" for n in range(100)), encoding="utf-8")
+    with running(GrowingLog(log, sensor="desk")) as heard:
+        heard.until(lambda heard: heard.arrivals)
+        log.rename(tmp_path / "elsewhere")  # a disk that is taken out, or a share that is lost
+        heard.until(lambda heard: heard.notices)
+        add(tmp_path / "elsewhere", "100,desk,7\n")
+        (tmp_path / "elsewhere").rename(log)
+        assert heard.until(lambda heard: len(heard.arrivals) >= 2).lux() == [99.0, 7.0]
+
+
+def test_a_long_log_that_appears_late_begins_with_its_last_reading_too(tmp_path: Path, running) -> None:
+    log = tmp_path / "log.csv"
+    with running(GrowingLog(log, sensor="desk")) as heard:
+        heard.until(lambda heard: heard.notices)
+        (tmp_path / "share").write_text(HEAD + "".join(f"{n},desk,{n}\n" for n in range(20_000)), encoding="utf-8")
+        (tmp_path / "share").rename(log)  # as a share is mounted after this has begun
+        assert heard.until(lambda heard: heard.arrivals).lux() == [19999.0]
+
+
+def test_a_recording_without_times_is_not_gone_through_as_if_it_were_of_now(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("lux\n100\n150\n", encoding="utf-8")
+    with pytest.raises(ReadingError, match="a column 'unix_s'"):
+        all_of(log)
+    log.write_text("unix_s,lux\n5,100\n,150\n7,160\n", encoding="utf-8")
+    notices: list[Notice] = []
+    found = list(GrowingLog(log, sensor="desk").past(notices.append))
+    assert [each.unix_s for each in found] == [5.0, 7.0]
+    assert [notice.text for notice in notices] == ["Rows without a number in 'unix_s' are left out."]
 
 
 def test_a_rotation_loses_no_line_and_reads_none_twice(tmp_path: Path, running) -> None:
@@ -114,7 +175,7 @@ def test_a_recording_tells_once_whose_rows_and_which_words_it_has_no_use_for(tmp
         "desk,,",
         "desk,310,",
     ]
-    log.write_text("sensor,lux,state\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    log.write_text("unix_s,sensor,lux,state\n" + "".join(f"1,{row}\n" for row in rows), encoding="utf-8")
     notices: list[Notice] = []
     found = list(GrowingLog(log, sensor="desk", known=["desk"]).past(notices.append))
     assert [each.sensor for each in found] == ["desk", "shelf", "shelf", "panel 1", "desk"]
@@ -165,6 +226,24 @@ def test_a_recorders_log_gives_the_light_that_the_table_of_it_has(tmp_path: Path
     for each, row in zip(found, wanted, strict=True):
         np.testing.assert_allclose(list(each.values.values()), row[np.isfinite(row)], rtol=1e-9)
         assert "510" not in each.values
+
+
+def test_readings_of_a_device_that_has_restarted_are_not_taken_at_the_gain_that_was_wished(tmp_path: Path) -> None:
+    log, settings = tmp_path / "log.csv", settings_for(16.0, 100.8)
+    with LogWriter(log) as writer:
+        writer.head(["protocol = AT firmware"])
+        for second, gain in enumerate((16.0, np.nan, 16.0)):
+            moment = Moment(unix_s=1_700_000_000.0 + second, monotonic_s=float(second))
+            counts = np.full(18, 1000.0 if gain == 16.0 else 4000.0)
+            reading = Reading(
+                moment=moment, counts=counts, module_values=np.full(18, np.nan),
+                flags=np.zeros(18, dtype=np.uint8), gain=gain, integration_ms=100.8 if gain == 16.0 else np.nan,
+            )  # fmt: skip
+            writer.write([reading], moment)
+    found = all_of(log, light=ChannelLight(settings=settings))
+    assert [each.unix_s for each in found] == [1_700_000_000.0, 1_700_000_002.0]
+    table = spectral_irradiance(readings_from_csv(log, settings=settings))["irradiance"].to_numpy()
+    assert np.isfinite(table).any(axis=1).tolist() == [True, False, True]
 
 
 def test_a_log_without_a_header_that_is_known_is_refused(tmp_path: Path, running) -> None:

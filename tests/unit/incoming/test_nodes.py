@@ -125,6 +125,20 @@ def test_a_recording_that_was_cut_goes_on_and_loses_the_half_row_alone(tmp_path:
     assert path.read_bytes().count(HEADER) == 1
 
 
+def test_rows_before_the_clock_was_set_are_left_out_of_a_recording_and_that_is_said(tmp_path: Path) -> None:
+    log = ArrivalLog(tmp_path)
+    values = dict.fromkeys(CHANNEL_LABELS, 1.0)
+    log.write([Arrival(sensor="a", values=values, unix_s=30.0 + second) for second in range(3)])  # in January 1970
+    log.close()
+    (path,) = tmp_path.glob("*.csv")
+    row = path.read_text(encoding="utf-8").splitlines()[-1].replace(",32.000,", ",1700000000.000,")
+    with path.open("a", encoding="utf-8") as file:
+        file.write(row + "\n")
+    readings = read_sensor_log(path).readings
+    assert readings.sizes["reading"] == 1
+    assert "3 rows were left out, of no time since 1973" in readings.attrs["notes"]
+
+
 def test_a_row_that_a_power_cut_damaged_has_no_time(tmp_path: Path) -> None:
     given = arrivals_of(0.0, 3)
     log = ArrivalLog(tmp_path)

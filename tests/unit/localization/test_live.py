@@ -18,6 +18,7 @@ from lidarspectra.hardware.sensor.identify import Wishes
 from lidarspectra.hardware.sensor.log_times import SINCE_START
 from lidarspectra.hardware.sensor.readings import make_readings, write_readings
 from lidarspectra.hardware.sensor.recorder import RecordOptions
+from lidarspectra.hardware.sensor.sensor_records import Moment
 from lidarspectra.hardware.sensor.serial_link import SerialPort
 from lidarspectra.hardware.virtual.emulator import AtModule, SketchBoard
 from lidarspectra.hardware.virtual.emulator_ports import EmulatorServer
@@ -99,6 +100,44 @@ def test_logs_of_single_sensors_become_frames_and_old_readings_are_missing(tmp_p
     assert told[1] == (2.0, [102.0, 101.5])
     assert told[2][1][0] == 103.0
     assert np.isnan(told[2][1][1])  # sensor b fell silent
+
+
+def test_a_gain_that_changes_within_a_log_moves_nobody(tmp_path: Path) -> None:
+    gain = np.array([16.0, 16.0, 16.0, 64.0, np.nan, 64.0])
+    counts = np.full((6, 18), 100.0) * np.where(np.isfinite(gain), gain / 16.0, 4.0)[:, None]
+    readings = make_readings(unix_s=1.7e9 + np.arange(6), counts=counts, gain=gain, integration_ms=100.8)
+    write_readings(readings, tmp_path / "a.csv")
+    notes: list[str] = []
+    given = replay_logs({"a": tmp_path / "a.csv"}, period_s=1.0, max_age_s=0.5, on_note=notes.append)
+    told = [float(frame.table["counts"].to_numpy()[0, 0, 0]) for frame in given]
+    np.testing.assert_allclose(told, [100.0, 100.0, 100.0, np.nan, 100.0])
+    assert notes == ["a: without 1 reading of unknown gain or integration time."]
+
+
+class JumpingClock:
+    """A clock that is set back by an hour after each look."""
+
+    def __init__(self) -> None:
+        self._looks = 0
+
+    def now(self) -> Moment:
+        self._looks += 1
+        return Moment(unix_s=time.time() - 3600.0 * self._looks, monotonic_s=time.monotonic())
+
+    def sleep(self, seconds: float) -> None:
+        time.sleep(seconds)
+
+
+def test_frames_go_on_through_a_clock_that_is_set_back() -> None:
+    with EmulatorServer(FaultyWire(SketchBoard(seed=2), None), terminal=None, speed=20.0) as server:
+        options = RecordOptions(wishes=Wishes(period_s=0.2))
+        ports = {"a": SerialPort(server.address)}
+        stop = stop_after(20.0)
+        given = frames_of_ports(ports, period_s=0.1, max_age_s=5.0, stop=stop, options=options, clock=JumpingClock())
+        frames = list(itertools.islice(given, 3))
+        given.close()  # type: ignore[attr-defined]
+    assert len(frames) == 3
+    assert all(np.isfinite(frame.table["counts"].to_numpy()).any() for frame in frames)
 
 
 def test_logs_of_boards_own_clocks_or_without_counts_make_no_frames(tmp_path: Path) -> None:
