@@ -212,8 +212,8 @@ def sensors_of(readings: xr.Dataset) -> tuple[str, ...]:
 def _with_settings(log: SensorLog, settings: SensorSettings | None) -> SensorLog:
     """The same with the user's gain and time where it has none.
 
-    A recorder's log of a device that tells them keeps its own: of a reading without, nobody knows them, since the device
-    had restarted.
+    A recorder's log of a device that tells them keeps its own: where a reading is without, the device had restarted,
+    and nobody knows them.
     """
     tells_own = bool(np.isfinite(log.readings["gain"].to_numpy()).any())
     if settings is not None and not (tells_own and log.readings.attrs["layout"] == RECORDER_LAYOUT):
