@@ -156,7 +156,7 @@ def record(
         give_up_s=give_up,
     )
     with until_interrupted() as stopped, LogWriter(out, append=append) as log:
-        summary = run_recorder(SerialPort(port), log, options=options, stop=stopped, on_entry=_show_gap)
+        summary = run_recorder(SerialPort(port), log, options=options, stop=stopped, on_entry=_show_entry)
     taken = counted(summary.readings, "reading") + (
         f", {summary.cell_readings} of cells" if summary.cell_readings else ""
     )
@@ -211,13 +211,21 @@ def nodes(
         print_note(note)
 
 
-def _show_gap(entry: "Entry") -> None:
+def _show_entry(entry: "Entry") -> None:
+    """Print a gap that ended, and what the automatic gain chose."""
     from lidarspectra.hardware.sensor.gaps import Gap
+    from lidarspectra.hardware.sensor.recorder import AUTOMATIC_GAIN
+    from lidarspectra.hardware.sensor.sensor_records import Note
 
     if isinstance(entry, Gap) and not entry.is_open:
-        lasted = entry.until.unix_s - entry.since.unix_s
-        when = time.strftime("%H:%M:%S", time.localtime(entry.until.unix_s))
-        say(f"{when} gap of {lasted:.1f} s: {entry.detail}")
+        lasted = entry.until.monotonic_s - entry.since.monotonic_s
+        say(f"{_clock_time(entry.until.unix_s)} gap of {lasted:.1f} s: {entry.detail}")
+    if isinstance(entry, Note) and entry.text.startswith(AUTOMATIC_GAIN):
+        say(f"{_clock_time(entry.moment.unix_s)} {entry.text}")
+
+
+def _clock_time(unix_s: float) -> str:
+    return time.strftime("%H:%M:%S", time.localtime(unix_s))
 
 
 @app.command()

@@ -5,15 +5,14 @@ import importlib
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ReadingError
+from lidarspectra.hardware.robot.corrected_odometry import corrected_odometry
+from lidarspectra.hardware.robot.trajectory import LONGEST_GAP_S, MIN_POSES, Trajectory
 from lidarspectra.hardware.sensor.log_times import parse_time
 
 POSE_TYPES = {
@@ -21,87 +20,10 @@ POSE_TYPES = {
     "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose", "pose"),
     "geometry_msgs/msg/PoseStamped": ("pose",),
 }  # ROS message types that hold a pose, and the fields that lead to it
-PREFERRED_TOPICS = ("/amcl_pose", "/pose", "/odom")  # positions in the map before odometry, which drifts
-MIN_POSES = 2
-
+ODOMETRY = "/odom"
+PREFERRED_TOPICS = ("/amcl_pose", "/pose", ODOMETRY)  # positions in the map before odometry, which drifts
 _TIME_COLUMNS = ("unix_s", "time_s", "stamp", "timestamp", "time", "t", "utc")
 _ECHO_PARTS = re.compile(r"^(?P<indent> *)(?P<key>\w+):(?: (?P<value>\S.*))?$")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Trajectory:
-    """Positions of the robot over time.
-
-    Parameters
-    ----------
-    unix_s : (pose,) float
-        Strictly increasing. [s since 1970, by the robot's clock]
-    positions : (pose, 3) float
-        [m]
-    headings : (pose,) float
-        Angle of its forward direction from the x axis, unwrapped. [rad]
-    frame : str
-        Name of the frame of reference.
-    """
-
-    unix_s: FloatArray
-    positions: FloatArray
-    headings: FloatArray
-    frame: str
-
-    def __post_init__(self) -> None:
-        times = float_array(self.unix_s, name="Trajectory.unix_s", shape=(None,))
-        if times.size < MIN_POSES or not np.all(np.diff(times) > 0):
-            raise ReadingError(
-                expected="two poses or more, in order of time",
-                found=f"{times.size}",
-                where=f"trajectory in frame '{self.frame}'",
-                todo="Record while the robot drives.",
-            )
-        object.__setattr__(self, "unix_s", times)
-        shape = (times.size, 3)
-        object.__setattr__(self, "positions", float_array(self.positions, name="Trajectory.positions", shape=shape))
-        headings = float_array(self.headings, name="Trajectory.headings", shape=times.shape)
-        object.__setattr__(self, "headings", float_array(np.unwrap(headings), name="headings", shape=times.shape))
-
-    def __len__(self) -> int:
-        return int(self.unix_s.size)
-
-    def at(self, unix_s: ArrayLike, *, longest_gap_s: float) -> tuple[FloatArray, FloatArray]:
-        """Position and heading at other times, linear between poses.
-
-        Parameters
-        ----------
-        unix_s : (n,) float
-            When. [s]
-        longest_gap_s : float
-            No position is given between poses further apart than this, nor beyond the ends. [s]
-
-        Returns
-        -------
-        positions : (n, 3) float
-            NaN where the position is unknown. [m]
-        headings : (n,) float
-            [rad]
-        """
-        wanted = np.asarray(unix_s, dtype=np.float64)
-        known = np.nan_to_num(wanted, nan=self.unix_s[0] - 1.0)
-        after = np.clip(np.searchsorted(self.unix_s, known), 1, self.unix_s.size - 1)
-        gap = self.unix_s[after] - self.unix_s[after - 1]
-        inside = (known >= self.unix_s[0]) & (known <= self.unix_s[-1]) & (gap <= longest_gap_s)
-        position = np.stack([np.interp(known, self.unix_s, self.positions[:, i]) for i in range(3)], axis=-1)
-        heading = np.interp(known, self.unix_s, self.headings)
-        return np.where(inside[:, None], position, np.nan), np.where(inside, heading, np.nan)
-
-    def moved(self, rotation: FloatArray, translation: FloatArray, *, frame: str) -> "Trajectory":
-        """The same in another frame: p' = R p + t."""
-        turn = math.atan2(rotation[1, 0], rotation[0, 0])
-        return replace(
-            self,
-            positions=self.positions @ np.asarray(rotation).T + translation,
-            headings=self.headings + turn,
-            frame=frame,
-        )
 
 
 def read_poses(path: Path, *, topic: str | None = None) -> Trajectory:
@@ -113,7 +35,8 @@ def read_poses(path: Path, *, topic: str | None = None) -> Trajectory:
         A CSV with columns for time (unix_s, time, stamp ...), x, y and optionally z and yaw or qx, qy, qz, qw [m, rad];
         the output of `ros2 topic echo --csv` or `ros2 topic echo`; or a ROS 2 bag (folder, .db3, .mcap).
     topic : str, optional
-        Topic of a bag; by default the one of /amcl_pose, /pose, /odom that it has, or its only one with poses.
+        Topic of a bag; by default the one of /amcl_pose, /pose, /odom that it has, or its only one with poses. Where it
+        has odometry beside positions in a map, which come seldom, by default the odometry corrected by them.
 
     Returns
     -------
@@ -263,27 +186,36 @@ def _read_bag(path: Path, topic: str | None) -> Trajectory:
     store = typesys.get_typestore(typesys.Stores.LATEST)
     try:
         with reader_type([_bag_path(path)], default_typestore=store) as bag:
-            chosen = _choose_topic({c.topic: c.msgtype for c in bag.connections}, topic, path)
-            connections = [c for c in bag.connections if c.topic == chosen]
-            poses, frame = [], chosen
-            for connection, received_ns, raw in bag.messages(connections=connections):
-                message = bag.deserialize(raw, connection.msgtype)
-                pose = message
-                for name in POSE_TYPES[connection.msgtype]:
-                    pose = getattr(pose, name)
-                stamp = message.header.stamp
-                time_s = stamp.sec + stamp.nanosec * 1e-9 if stamp.sec else received_ns * 1e-9
-                q = pose.orientation
-                place = (pose.position.x, pose.position.y, pose.position.z)
-                poses.append((time_s, *place, yaw(q.x, q.y, q.z, q.w)))
-                frame = message.header.frame_id or frame
+            types = {c.topic: c.msgtype for c in bag.connections}
+            chosen = _choose_topic(types, topic, path)
+            found = _of_topic(bag, chosen, path)
+            has_odometry = sum(c.msgcount for c in bag.connections if c.topic == ODOMETRY) >= MIN_POSES
+            if topic is None and chosen != ODOMETRY and types.get(ODOMETRY) in POSE_TYPES and has_odometry:
+                found = corrected_odometry(_of_topic(bag, ODOMETRY, path), found, longest_gap_s=LONGEST_GAP_S)
+            return found
     except ReadingError:
         raise
     except _bag_failures() as cause:
         raise ReadingError(
             expected="a whole ROS bag", found=str(cause), where=str(path), todo="Try 'ros2 bag reindex' on it."
         ) from cause
-    return _trajectory(poses, frame, f"{path}, topic {chosen}")
+
+
+def _of_topic(bag: Any, topic: str, path: Path) -> Trajectory:
+    """The poses of a topic of an open bag."""
+    poses, frame = [], topic
+    for connection, received_ns, raw in bag.messages(connections=[c for c in bag.connections if c.topic == topic]):
+        message = bag.deserialize(raw, connection.msgtype)
+        pose = message
+        for name in POSE_TYPES[connection.msgtype]:
+            pose = getattr(pose, name)
+        stamp = message.header.stamp
+        time_s = stamp.sec + stamp.nanosec * 1e-9 if stamp.sec else received_ns * 1e-9
+        q = pose.orientation
+        place = (pose.position.x, pose.position.y, pose.position.z)
+        poses.append((time_s, *place, yaw(q.x, q.y, q.z, q.w)))
+        frame = message.header.frame_id or frame
+    return _trajectory(poses, frame, f"{path}, topic {topic}")
 
 
 def _bag_failures() -> tuple[type[Exception], ...]:

@@ -11,13 +11,12 @@ from numpy.typing import ArrayLike
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.robot.alignment import Alignment
-from lidarspectra.hardware.robot.poses import Trajectory
 from lidarspectra.hardware.robot.time_offset import ExpectedLight, TimeOffset, estimate_time_offset, given_offset
+from lidarspectra.hardware.robot.trajectory import LONGEST_GAP_S, Trajectory
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.readings import POSITION
 from lidarspectra.io.files import write_whole, writing
 
-LONGEST_GAP_S = 2.0  # [s] between poses over which a place is interpolated; odometry comes 20 to 30 times a second
 DEFAULT_RADIUS_M = 0.25  # [m] largest distance of a reading from its location, less where locations are closer
 UP = (0.0, 0.0, 1.0)  # the sensor of the paper's robot looks up
 
@@ -100,6 +99,7 @@ def place_readings(
         offset = estimate_time_offset(times, light, drive, longest_gap_s=longest_gap_s, expected=expected)
     else:
         offset = given_offset(offset_s)
+    driven = (times + offset.seconds >= trajectory.unix_s[0]) & (times + offset.seconds <= trajectory.unix_s[-1])
     place, heading = trajectory.at(times + offset.seconds, longest_gap_s=longest_gap_s)
     arm = float_array(mount, name="place of the sensor on the robot", shape=(3,))
     c, s = np.cos(heading), np.sin(heading)
@@ -110,6 +110,15 @@ def place_readings(
         place = alignment.apply(place)
         words.append(alignment.words())
     placed = int(np.isfinite(place).all(axis=1).sum())
+    between = int((driven & ~np.isfinite(place).all(axis=1)).sum())
+    seldom = f"{between} of {times.size} readings lie between poses more than {longest_gap_s:g} s apart"
+    if not placed and between:
+        raise ReadingError(
+            expected="poses that say where the robot was",
+            found=seldom,
+            where=readings.attrs.get("source", "readings"),
+            todo="Record /odom beside /amcl_pose, which comes only as the robot moves.",
+        )
     if not placed:
         shifted = "" if offset_s is None else f", shifted by {offset_s:g} s"
         raise ReadingError(
@@ -120,6 +129,8 @@ def place_readings(
             todo="Check both clocks and their time zones; --offset shifts the readings' times by hand.",
         )
     words.append(f"{placed} of {times.size} readings lie within the drive")
+    if between:
+        words.append(f"{seldom}, where the place is not known: record /odom beside /amcl_pose")
     moved = readings.assign_coords({name: ("reading", place[:, i], {"units": "m"}) for i, name in enumerate(POSITION)})
     return Placement(readings=moved, offset=offset, placed=placed, words=tuple(words))
 

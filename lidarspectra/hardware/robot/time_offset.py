@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import ReadingError
-from lidarspectra.hardware.robot.poses import Trajectory
+from lidarspectra.hardware.robot.trajectory import Trajectory
 
 RANGE_S = 30.0  # [s] largest offset tried, in both directions
 STEP_S = 0.5  # [s] between them

@@ -19,6 +19,7 @@ from lidarspectra.hardware.sensor.serial_link import BAUD_RATES, Clock, Link, Li
 WAIT_S = 0.1  # [s] longest wait in one go; the loop looks at the clock and at Ctrl-C that often
 RECONNECT_S = (0.2, 0.5, 1.0, 2.0)  # [s] waits before each further attempt; the last one stays
 DEAF_S = 20.0  # [s] an open port that says nothing for so long is closed and opened again
+AUTOMATIC_GAIN = "automatic gain: "  # begins what is noted of it
 UPSET_INTERVAL_S = 1.0  # [s] between rows on troubles after which nothing was missing
 
 Listener = Callable[[Entry], None]
@@ -211,6 +212,9 @@ class _Session:
         self.summary.protocol = driver.protocol
         self._log.head([f"port = {self._port.name}", f"baud = {baud}", f"protocol = {driver.protocol}"])
         items = driver.connect(moment)
+        if self._autogain is not None and not isinstance(driver, AtDriver | LineProtocolDriver):
+            text = f"{AUTOMATIC_GAIN}none, since this device takes no settings ({driver.protocol})"
+            items = [*items, Note(moment=moment, text=text)]
         for data, arrival in identified.heard:
             items += driver.receive(data, arrival)
         try:
@@ -310,7 +314,7 @@ class _Session:
         wanted = self._autogain.advise(reading)
         if wanted is not None:
             driver.set(wanted)
-            text = f"automatic gain: {wanted.gain:g} and {wanted.integration_ms:.1f} ms from here on"
+            text = f"{AUTOMATIC_GAIN}{wanted.gain:g} and {wanted.integration_ms:.1f} ms from here on"
             self._put([Note(moment=moment, text=text)], moment)
 
     def _put(self, entries: list[Entry], moment: Moment) -> None:

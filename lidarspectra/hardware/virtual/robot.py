@@ -15,10 +15,10 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import DeviceError, ReadingError
-from lidarspectra.hardware.robot.poses import Trajectory
 from lidarspectra.hardware.robot.reference_files import map_light, read_map
 from lidarspectra.hardware.robot.robot import median_spacing
 from lidarspectra.hardware.robot.time_offset import ExpectedLight
+from lidarspectra.hardware.robot.trajectory import Trajectory
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT
 from lidarspectra.hardware.sensor.calibration import reference_bands
 from lidarspectra.hardware.sensor.reading_log import LogWriter

@@ -139,10 +139,19 @@ def _gathered(
     used = sorted(set(row))
     if not used:
         raise MapError(expected="readings above 0", found="none", where=str(path))
+    places = table[["x", "y", "z"]].to_numpy(dtype=np.float64)
+    nowhere = [index for index in used if not np.isfinite(places[index]).all()]
+    if nowhere:
+        raise MapError(
+            expected="x, y and z of every reading",
+            found="a place without a number",
+            where=f"{path}, reading {nowhere[0] + 1}",
+            todo="Write where it was read, in metres in the scan's frame, or leave the row out.",
+        )
     names = table[NAME_COLUMN].astype(str) if NAME_COLUMN in table.columns else [f"row {n + 1}" for n in table.index]
     return Readings(
         names=tuple(str(names[index]) for index in used),
-        positions=table[["x", "y", "z"]].to_numpy(dtype=np.float64)[used],
+        positions=places[used],
         normals=normals[used],
         quantities=tuple(quantities),
         numbers=Observations(value=np.array(value), row=np.searchsorted(used, row), meter=np.array(meter)),

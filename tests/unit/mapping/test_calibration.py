@@ -375,3 +375,10 @@ def test_channels_beyond_the_lamps_spectra_do_not_count_as_readings(tmp_path: Pa
     table.to_csv(path, index=False)
     with pytest.raises(MapError, match="none at 'row 2'"):
         without_dark_channels(calibration_readings(path, bands.labels), room, path)
+
+
+def test_a_reading_without_a_place_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "lux.csv"
+    path.write_text("x,y,z,lux\n1,1,1,300\n,1,1,200\n", encoding="utf-8")
+    with pytest.raises(MapError, match="reading 2"):
+        calibration_readings(path, ("560",), unit="W/m2/nm", scale="one", has_cell=False)

@@ -11,7 +11,8 @@ import xarray as xr
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ArrayError, LidarSpectraError, ReadingError
 from lidarspectra.hardware.robot.alignment import align, read_point_pairs
-from lidarspectra.hardware.robot.poses import Trajectory, read_poses, yaw
+from lidarspectra.hardware.robot.corrected_odometry import corrected_odometry
+from lidarspectra.hardware.robot.poses import read_poses, yaw
 from lidarspectra.hardware.robot.robot import (
     grid_readings,
     measured_table,
@@ -20,6 +21,7 @@ from lidarspectra.hardware.robot.robot import (
     write_measured,
 )
 from lidarspectra.hardware.robot.time_offset import estimate_time_offset
+from lidarspectra.hardware.robot.trajectory import Trajectory
 from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
 from lidarspectra.hardware.sensor.readings import make_readings
 
@@ -274,15 +276,92 @@ def test_poses_from_a_ros_2_bag(kind: str, storage: str, tmp_path: Path) -> None
         read_poses(folder, topic="/camera")
 
 
-def write_bag(folder: Path, kind: str, storage: str) -> None:
+def seldom_positions(truth: Trajectory) -> Trajectory:
+    """What AMCL publishes: where the robot is each time that it has moved by 0.25 m, and nothing while it stands."""
+    told = [0]
+    for number, place in enumerate(truth.positions):
+        if np.linalg.norm(place - truth.positions[told[-1]]) >= 0.25:
+            told.append(number)
+    return Trajectory(
+        unix_s=truth.unix_s[told], positions=truth.positions[told], headings=truth.headings[told], frame="map"
+    )
+
+
+def slow_drive() -> Trajectory:
+    """The drive at half its speed, begun and ended by ten seconds of standing."""
+    fast = drive(5)
+    times = START + 10.0 + 2.0 * (fast.unix_s - START)
+    still = np.arange(0.0, 10.0, 0.1)
+    ends = [np.full(still.size, 0), np.arange(len(fast)), np.full(still.size, len(fast) - 1)]
+    index = np.concatenate(ends)
+    return Trajectory(
+        unix_s=np.concatenate([START + still, times, times[-1] + 0.1 + still]),
+        positions=fast.positions[index],
+        headings=fast.headings[index],
+        frame="map",
+    )
+
+
+def drifting_odometry(truth: Trajectory) -> Trajectory:
+    """The same drive as a robot's wheels tell it: from its own origin, and turning by 6 degrees on the way."""
+    steps = np.diff(truth.positions[:, :2], axis=0)
+    turn = 0.4 + 0.1 * np.linspace(0.0, 1.0, len(truth))
+    c, s = np.cos(turn[1:]), np.sin(turn[1:])
+    moved = np.stack([c * steps[:, 0] - s * steps[:, 1], s * steps[:, 0] + c * steps[:, 1]], axis=1)
+    place = np.vstack([[7.0, -2.0], [7.0, -2.0] + np.cumsum(moved, axis=0)])
+    return Trajectory(
+        unix_s=truth.unix_s,
+        positions=np.column_stack([place, np.zeros(len(truth))]),
+        headings=truth.headings + turn,
+        frame="odom",
+    )
+
+
+def test_odometry_is_put_right_by_positions_that_come_seldom() -> None:
+    truth = slow_drive()
+    fixes = seldom_positions(truth)
+    wanted = np.arange(truth.unix_s[0], truth.unix_s[-1], 1.0)
+    assert np.isfinite(fixes.at(wanted, longest_gap_s=2.0)[1]).mean() < 0.3  # alone they place few readings
+    found = corrected_odometry(drifting_odometry(truth), fixes, longest_gap_s=2.0)
+    place, heading = found.at(wanted, longest_gap_s=2.0)
+    true_place, true_heading = truth.at(wanted, longest_gap_s=2.0)
+    assert np.abs(place - true_place).max() < 0.01  # [m]; the odometry itself is half a metre off at the end
+    assert np.abs(heading - true_heading).max() < 0.01
+    assert found.frame == "map"
+
+
+def test_readings_between_poses_that_come_seldom_have_no_place_and_that_is_said() -> None:
+    truth = slow_drive()
+    readings = readings_on(truth, 0.0)
+    light = spectral_irradiance(readings)["irradiance"].to_numpy()
+    with pytest.raises(ReadingError, match="Record /odom beside"):
+        place_readings(readings, seldom_positions(truth), light=light, offset_s=0.0)
+    kept = np.abs(truth.unix_s - START - 60.0) > 10.0
+    cut = Trajectory(
+        unix_s=truth.unix_s[kept], positions=truth.positions[kept], headings=truth.headings[kept], frame="map"
+    )
+    assert "21 of 155 readings lie between poses" in place_readings(readings, cut, light=light, offset_s=0.0).words[-1]
+
+
+def test_a_bag_of_odometry_and_positions_gives_the_odometrys_times_in_the_map(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", reason="the extra 'robot' is not installed")
+    kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
+    write_bag(tmp_path / "bag", kind, "SQLITE3", topics={"/odom": POSES, "/amcl_pose": POSES[::2]})
+    check_poses(read_poses(tmp_path / "bag"))
+    assert len(read_poses(tmp_path / "bag", topic="/amcl_pose")) == len(POSES[::2])
+
+
+def write_bag(folder: Path, kind: str, storage: str, *, topics: dict[str, Any] | None = None) -> None:
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     make = store.types
     with Writer(folder, version=9, storage_plugin=StoragePlugin[storage]) as writer:
-        connection = writer.add_connection("/odom", kind, typestore=store)
-        for t, x, y, z, a in POSES:
+        given = {"/odom": POSES} if topics is None else topics
+        connections = {topic: writer.add_connection(topic, kind, typestore=store) for topic in given}
+        for topic, (t, x, y, z, a) in ((topic, pose) for topic, poses in given.items() for pose in poses):
+            connection = connections[topic]
             stamp = make["builtin_interfaces/msg/Time"](sec=int(t), nanosec=round(t % 1 * 1e9))
             header = make["std_msgs/msg/Header"](stamp=stamp, frame_id="odom")
             point = make["geometry_msgs/msg/Point"](x=x, y=y, z=z)

@@ -13,8 +13,8 @@ from typer.testing import CliRunner, Result
 from lidarspectra.cli.sensor import app
 from lidarspectra.cli.sensor_logs import _say_next
 from lidarspectra.errors import LidarSpectraError
-from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
-from lidarspectra.hardware.virtual.emulator import AtModule, Device, SketchBoard
+from lidarspectra.hardware.sensor.as7265x import ASCENDING_LETTERS, CHANNEL_LABELS
+from lidarspectra.hardware.virtual.emulator import AtModule, Device, SketchBoard, SparkfunBoard
 from lidarspectra.hardware.virtual.emulator_ports import EmulatorServer
 from lidarspectra.hardware.virtual.faults import FaultyWire
 
@@ -65,6 +65,17 @@ def test_readings_that_come_at_once_are_not_more_than_were_asked_for(tmp_path: P
         told = done("record", address, "--out", log, "--readings", 3, "--rate", 20, "--duration", 60)
     assert "log.csv: 3 readings" in told
     assert log.read_text(encoding="utf-8").count("\nreading,") == 3
+
+
+@BY_A_DEVICE
+def test_what_the_automatic_gain_chooses_is_printed(tmp_path: Path) -> None:
+    with port(AtModule()) as address:
+        told = done("record", address, "--out", tmp_path / "log.csv", "--readings", 4, "--auto-gain")
+    assert "automatic gain: 64 and " in told
+    with port(SparkfunBoard()) as address:
+        header = ",".join(ASCENDING_LETTERS)
+        told = done("record", address, "--out", tmp_path / "b.csv", "--readings", 1, "--auto-gain", "--header", header)
+    assert "automatic gain: none, since this device takes no settings" in told
 
 
 def test_a_port_that_is_none_is_one_error() -> None:
