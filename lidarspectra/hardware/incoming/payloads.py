@@ -1,7 +1,7 @@
 """Numbers out of the payloads of MQTT messages, by the value templates that Home Assistant writes.
 
 Of Jinja's language these are known: `{{ value }}`, `{{ value_json.a.b }}`, `{{ value_json['a'][0] }}`, the filters
-float, int and round, and then factors, quotients and sums with plain numbers, from left to right.
+float, int and round, and then factors, quotients and sums with plain numbers: factors and quotients first, as in Jinja.
 """
 
 import json
@@ -63,10 +63,7 @@ def value_reader(template: str | None) -> Reader:
         if payload.strip().lower() in NO_READING:
             return math.nan
         value = _inner(json.loads(payload), keys) if is_json else payload
-        number = _plain(str(value))
-        for sign, other in steps:
-            number = _calculated(number, sign, other)
-        return number
+        return _calculated(_plain(str(value)), steps)
 
     return read
 
@@ -92,9 +89,14 @@ def _inner(value: Any, keys: list[str | int]) -> Any:
     return value
 
 
-def _calculated(number: float, sign: str, other: float) -> float:
-    if sign == "*":
-        return number * other
-    if sign == "/":
-        return number / other
-    return number + other if sign == "+" else number - other
+def _calculated(number: float, steps: list[tuple[str, float]]) -> float:
+    """Sums of products and quotients: `number`, and signs with the plain numbers after them."""
+    total, product = 0.0, number
+    for sign, other in steps:
+        if sign == "*":
+            product *= other
+        elif sign == "/":
+            product /= other
+        else:
+            total, product = total + product, other if sign == "+" else -other
+    return total + product

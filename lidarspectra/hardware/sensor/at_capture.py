@@ -110,13 +110,13 @@ def _take_setting(heard: _Heard, name: str, value: int) -> None:
 def _take_answer(heard: _Heard, answer: str, stamp: str) -> None:
     asked, value = heard.asked, heard.value
     heard.asked, heard.value = "", None
-    if value is not None:
-        if answer.endswith("OK"):  # a setting that was refused is none
-            _take_setting(heard, asked, value)
-        return
     found = _ANSWER.fullmatch(answer)
     words = [] if found is None else [word for word in re.split(r"[\s,]+", found["numbers"]) if word]
     whole, fractions = integers(words, CHANNEL_COUNT), decimals(words, CHANNEL_COUNT)
+    if value is not None and whole is None and fractions is None:  # ATBURST=n is answered by readings
+        if answer.endswith("OK"):  # a setting that was refused is none
+            _take_setting(heard, asked, value)
+        return
     if whole is not None:
         heard.add(stamp)
         heard.counts[-1] = [float(value) for value in whole]

@@ -35,6 +35,7 @@ Kind = Literal["version", "setting", "data", "calibrated", "temperature", "gain"
 
 _REPLY = re.compile(rb"(?P<text>.*?)(?P<end>OK|ERROR)", re.DOTALL)
 _INTEGER = re.compile(r"[0-9]{1,5}")
+_DEGREES = re.compile(r"-?[0-9]{1,3}")
 _DECIMAL = re.compile(r"-?[0-9]+\.[0-9]+|-?nan|-?inf", re.IGNORECASE)
 _SEPARATORS = re.compile(r"[\s,]+")
 
@@ -60,6 +61,11 @@ def decimals(words: Sequence[str], count: int) -> list[float] | None:
     if len(words) != count or not all(_DECIMAL.fullmatch(word) for word in words):
         return None
     return [float(word) for word in words]
+
+
+def _degrees(words: Sequence[str]) -> list[int] | None:
+    """Words as the temperatures of three dies, which may be below 0 °C, or None."""
+    return [int(word) for word in words] if len(words) == 3 and all(map(_DEGREES.fullmatch, words)) else None
 
 
 def _at_once(first: Moment, second: Moment) -> bool:
@@ -297,7 +303,7 @@ class AtDriver:
             turn.module = values
             return values is not None
         if asked.kind == "temperature":
-            degrees = integers(words, 3) or decimals(words, 3)
+            degrees = _degrees(words) or decimals(words, 3)
             turn.temperatures = tuple(degrees) if degrees is not None else None
             return degrees is not None
         value = integers(words, 1)

@@ -81,6 +81,24 @@ class CellCircuit:
         """Current of one count [A]."""
         return self.reference_volt / float(2**self.bits) / self.amplification / self.shunt_ohm
 
+    def currents(self, counts: ArrayLike, uncertainty: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Currents of counts that are known with an uncertainty, as those of a fit are.
+
+        Parameters
+        ----------
+        counts, uncertainty : (...,) float
+            [count]
+
+        Returns
+        -------
+        current, uncertainty : (...,) float
+            The uncertainty includes the tolerances of reference and shunt, as rectangular distributions. [A]
+        """
+        current = (np.asarray(counts, dtype=np.float64) - self.dark_count) * self.ampere_per_count
+        relative = np.hypot(self.reference_tolerance, self.shunt_tolerance) / np.sqrt(3.0)
+        counted = np.asarray(uncertainty, dtype=np.float64) * self.ampere_per_count
+        return np.asarray(current), np.asarray(np.hypot(counted, relative * np.abs(current)))
+
 
 def cell_voltage(counts: ArrayLike, circuit: CellCircuit) -> FloatArray:
     """Voltage across the cell and its shunt; NaN where the converter is at full scale.
@@ -136,10 +154,8 @@ def cell_current(counts: ArrayLike, circuit: CellCircuit) -> tuple[FloatArray, F
     ReadingError
         See `cell_voltage`.
     """
-    current = cell_voltage(counts, circuit) / circuit.shunt_ohm
-    counted = np.hypot(1.0 / np.sqrt(12.0), ADC_ERROR_LSB / np.sqrt(3.0)) * circuit.ampere_per_count
-    relative = np.hypot(circuit.reference_tolerance, circuit.shunt_tolerance) / np.sqrt(3.0)
-    return np.asarray(current), np.asarray(np.hypot(counted, relative * np.abs(current)))
+    known = np.where(np.isfinite(cell_voltage(counts, circuit)), np.asarray(counts, dtype=np.float64), np.nan)
+    return circuit.currents(known, np.hypot(1.0 / np.sqrt(12.0), ADC_ERROR_LSB / np.sqrt(3.0)))
 
 
 def cell_current_density(counts: ArrayLike, circuit: CellCircuit) -> tuple[FloatArray, FloatArray]:

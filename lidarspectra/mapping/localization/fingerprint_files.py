@@ -369,8 +369,9 @@ def _times(frame: pd.DataFrame, column: int | None, where: str) -> FloatArray | 
 
 
 def _words(column: "pd.Series[str]") -> list[str]:
-    """Labels as text; 3.0, which pandas makes of 3 in a column with a gap, is 3 again."""
-    return [re.sub(r"^(\d+)\.0$", r"\1", str(value).strip()) if pd.notna(value) else "" for value in column]
+    """Labels as text; 3.0, which pandas makes of 3 in a column with a gap, is 3 again, and 'Empty' is no place."""
+    words = [re.sub(r"^(\d+)\.0$", r"\1", str(value).strip()) if pd.notna(value) else "" for value in column]
+    return [word.lower() if word.lower() in (EMPTY_LABEL, NOBODY, TWO_PEOPLE) else word for word in words]
 
 
 def _csv(path: Path) -> pd.DataFrame:

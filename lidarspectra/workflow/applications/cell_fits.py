@@ -301,8 +301,7 @@ def predict_by_fit(fit_file: Path, log: LogChoice, out: Path) -> tuple[Table, tu
     outside = saved.fit.outside(light)
     frame = pd.DataFrame({"unix_s": beside.unix_s[whole], "count": counts, "SE_count": error})
     if saved.circuit is not None:
-        frame["current_A"] = (counts - saved.circuit.dark_count) * saved.circuit.ampere_per_count
-        frame["SE_current_A"] = error * saved.circuit.ampere_per_count
+        frame["current_A"], frame["SE_current_A"] = saved.circuit.currents(counts, error)
     frame["outside"] = outside.astype(np.int64)
     with writing(out, error=ReadingError):
         write_whole(out, csv_text(frame))

@@ -102,8 +102,7 @@ class CellsBeside:
             count, spread, outside = float(counts[0]), float(error[0]), bool(saved.fit.outside(light)[0])
             ampere = ["", ""]
             if saved.circuit is not None:
-                dark, each = saved.circuit.dark_count, saved.circuit.ampere_per_count
-                ampere = [f"{(count - dark) * each:.6g}", f"{spread * each:.6g}"]
+                ampere = [f"{float(each):.6g}" for each in saved.circuit.currents(count, spread)]
             cells = [f"{arrival.unix_s:.3f}", arrival.sensor, saved.name, f"{count:.6g}", f"{spread:.6g}", *ampere]
             self._write([*cells, str(int(outside))])
             if outside:

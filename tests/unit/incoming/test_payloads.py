@@ -21,6 +21,7 @@ from lidarspectra.hardware.incoming.payloads import value_reader
         ("{{ value_json.channels[2] }}", '{"channels": [1, 2, 3]}', 3.0),
         ("{{ value_json['brightness'] / 255 }}", '{"brightness": 51}', 0.2),
         ("{{ value_json.celsius * 2 + 3 - 1e1 }}", '{"celsius": 5}', 3.0),
+        ("{{ value | float + 3 * 2 - 8 / 4 }}", "1", 5.0),  # as Jinja does, not from left to right
         ("{{ value_json.state }}", '{"state": "ON"}', 1.0),
         ("{{ value_json.state }}", '{"state": true}', 1.0),
     ],

@@ -76,6 +76,12 @@ def test_rows_of_the_empty_room_become_the_reference(tmp_path: Path) -> None:
     assert table["empty"].to_numpy().tolist() == [[11.0, 102.0], [20.0, 200.0]]
 
 
+def test_empty_with_a_capital_is_the_empty_room_too(tmp_path: Path) -> None:
+    table = read_fingerprints(written(tmp_path, "10,100,10,100,Empty", "8,153,9,216,Desk"))
+    assert table["label"].to_numpy().tolist() == ["Desk"]
+    assert table["empty"].to_numpy().tolist() == [[10.0, 100.0], [10.0, 100.0]]
+
+
 def test_an_empty_room_is_read_from_its_rows_or_from_a_table_of_nothing_else(tmp_path: Path) -> None:
     rows = ("10,100,20,200,empty", "12,104,20,,empty")
     without = written(tmp_path, *(row.removesuffix(",empty") for row in rows), header="s1_w1,s1_w9,s2_w1,s2_w9")

@@ -69,6 +69,12 @@ def test_counts_are_placed_by_the_order_of_the_uart() -> None:
     assert reading.counts[CHANNEL_LABELS.index("410")] == 0.0
 
 
+def test_a_module_in_the_cold_tells_its_temperatures() -> None:
+    items = Talk().run(2.0, {b"ATTEMP": b"-3 -2 0 OK\r\n"})
+    assert readings(items)[0].temperatures_c == (-3.0, -2.0, 0.0)
+    assert not reasons(items)
+
+
 def test_settings_are_set_read_back_and_stand_with_every_reading() -> None:
     talk = Talk()
     items = talk.run(5.0)

@@ -116,6 +116,8 @@ def test_the_modules_own_answers_are_read_die_by_die(tmp_path: Path) -> None:
     assert np.array_equal(readings["module_value"].to_numpy()[0], BY_WAVELENGTH + 10.5)
     assert readings["gain"].to_numpy().tolist() == [64.0, 64.0]  # the second setting was refused
     assert np.allclose(readings["integration_ms"], 165.2)
+    burst = f"ATBURST=2\n{counts} OK\n{counts} OK\n"
+    assert readings_from_csv(saved(tmp_path, burst)).sizes["reading"] == 2
     header = ",".join(UART_LETTERS) + "\n" + row(UART_LETTERS) + "\n"
     assert np.array_equal(readings_from_csv(saved(tmp_path, header))["counts"].to_numpy()[0], BY_WAVELENGTH)
 

@@ -32,6 +32,12 @@ def test_the_uncertainty_is_the_converters_for_few_counts_and_the_tolerances_for
     assert many == pytest.approx(900 * np.hypot(0.05, 0.01) / np.sqrt(3), rel=0.01)
 
 
+def test_a_current_of_fitted_counts_is_as_uncertain_as_the_circuit_too() -> None:
+    current, uncertainty = CIRCUIT.currents([900.0], [0.0])
+    assert current == pytest.approx(900 * CIRCUIT.ampere_per_count)
+    assert uncertainty / current == pytest.approx(np.hypot(0.05, 0.01) / np.sqrt(3))
+
+
 def test_a_converter_at_its_end_is_masked() -> None:
     assert np.isnan(cell_current(1023, CIRCUIT)[0])
 
