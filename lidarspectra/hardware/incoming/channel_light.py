@@ -7,6 +7,12 @@ from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT, CHANNEL_LABELS, 
 from lidarspectra.hardware.sensor.calibration import Calibration
 from lidarspectra.hardware.sensor.readings import Signal
 
+UNCALIBRATED = (
+    "Sensor '{sensor}' has no calibration: its irradiances are by the data sheet, from which the dies of a real one "
+    "differ by factors. Calibrate it ('lidarspectra sensor calibrate'), and name that in a file of sensors "
+    "(calibration = ...)."
+)
+
 
 class ChannelLight:
     """Turns counts into E = (signal - dark) / responsivity.
@@ -22,11 +28,17 @@ class ChannelLight:
 
     def __init__(self, calibration: Calibration | None = None, settings: SensorSettings | None = None) -> None:
         self._settings = settings
+        self._is_calibrated = calibration is not None
         self._kind: Signal = "basic counts" if calibration is None else calibration.signal
         self._responsivity = (
             np.full(CHANNEL_COUNT, nominal_responsivity()[0]) if calibration is None else calibration.responsivity
         )
         self._dark = np.zeros(CHANNEL_COUNT) if calibration is None else calibration.dark
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether it is by a calibration of the device."""
+        return self._is_calibrated
 
     def values(
         self, counts: FloatArray, module_values: FloatArray, gain: float, integration_ms: float

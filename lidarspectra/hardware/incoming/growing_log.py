@@ -19,7 +19,7 @@ import numpy as np
 
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.incoming.arrivals import LUX, POLL_S, STATE, Arrival, Notice, Put, Stop, pause
-from lidarspectra.hardware.incoming.channel_light import ChannelLight
+from lidarspectra.hardware.incoming.channel_light import UNCALIBRATED, ChannelLight
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.reading_log import COUNT_COLUMNS, MODULE_COLUMNS
 
@@ -322,6 +322,8 @@ class LogRows:
             )
         when_s = _number(row.get("unix_s", ""))
         found: list[Arrival | Notice] = [Arrival(sensor=name, values=values, unix_s=when_s)]
+        if kind == "reading" and not self._light.is_calibrated:
+            found += self._once(UNCALIBRATED, UNCALIBRATED.format(sensor=name))
         if self._known is not None and name not in self._known and STATE not in values:
             words = f"Its log names a sensor '{name}', which no source is called: such rows are left out. Known here: "
             found += self._once(name, f"{words}{', '.join(sorted(self._known))}.")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from lidarspectra.errors import DeviceError
 from lidarspectra.hardware.incoming.arrivals import BACK_OFF_S, Arrival, Notice, Put, Stop, pause
-from lidarspectra.hardware.incoming.channel_light import ChannelLight
+from lidarspectra.hardware.incoming.channel_light import UNCALIBRATED, ChannelLight
 from lidarspectra.hardware.sensor.gaps import Gap
 from lidarspectra.hardware.sensor.identify import Wishes
 from lidarspectra.hardware.sensor.reading_log import Entry, LogWriter
@@ -55,10 +55,14 @@ class SerialSource:
     def run(self, put: Put, stop: Stop) -> None:
         """Give readings; a port that is not there is tried again, said once."""
         attempt, said = 0, ""
+        is_doubtful = not self._light.is_calibrated
 
         def tell(entry: Entry) -> None:
-            nonlocal attempt, said
+            nonlocal attempt, said, is_doubtful
             if isinstance(entry, Reading):
+                if is_doubtful:
+                    is_doubtful = False
+                    put(Notice(source=self.name, text=UNCALIBRATED.format(sensor=self._sensor)))
                 if said:
                     put(Notice(source=self.name, text=f"Sensor '{self._sensor}' gives readings again."))
                 attempt, said = 0, ""

@@ -220,8 +220,11 @@ def test_a_recorders_log_gives_the_light_that_the_table_of_it_has(tmp_path: Path
             )  # fmt: skip
             writer.write([Note(moment=moment, text="order = test"), reading], moment)
     wanted = spectral_irradiance(readings_from_csv(log, settings=settings))["irradiance"].to_numpy()
-    found = all_of(log, light=ChannelLight(settings=settings))
+    notices: list[Notice] = []
+    source = GrowingLog(log, sensor="desk", light=ChannelLight(settings=settings))
+    found = list(source.past(notices.append))
     assert len(found) == 3
+    assert ["'desk' has no calibration" in notice.text for notice in notices] == [True]  # once
     assert [each.unix_s for each in found] == [1_700_000_000.0, 1_700_000_001.0, 1_700_000_002.0]
     for each, row in zip(found, wanted, strict=True):
         np.testing.assert_allclose(list(each.values.values()), row[np.isfinite(row)], rtol=1e-9)
