@@ -93,6 +93,8 @@ def test_a_night_without_an_empty_room_is_trained_on_and_that_is_said(folder: Pa
     table[table["loc"] != "empty"].to_csv(folder / "occupied.csv", index=False)
     told = answer("localize train occupied.csv --out model --copies 4")
     assert "occupied.csv tell no empty room, so that the median of each sensor" in told
+    assert "occupied.csv tell no empty room" in answer("localize test model occupied.csv")
+    assert "tell no empty room" not in answer("localize test model occupied.csv --against running")
     assert "The places have no coordinates" in told
 
 

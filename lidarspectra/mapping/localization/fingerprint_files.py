@@ -240,7 +240,7 @@ def table_of_counts(
     Raises
     ------
     MapError
-        If nothing but the empty room was read, or some sensor never in it.
+        If nothing but the empty room was read, or no count in it.
     """
     masked, _ = mask_counts(counts)
     is_empty = np.array([label == EMPTY_LABEL for label in labels], dtype=np.bool_)
@@ -421,16 +421,17 @@ def _channel(found: "re.Match[str]", where: str) -> int:
 
 
 def _empty_room(counts: FloatArray, source: str) -> FloatArray:
-    """(sensor, band) mean over the readings with nobody there."""
+    """(sensor, band) mean over the readings with nobody there; 0 for a channel without any, which is left out then."""
     known = np.isfinite(counts)
-    if not known.any(axis=0).all():
+    if not known.any():
         raise MapError(
-            expected=f"one count or more of each sensor and channel in the rows '{EMPTY_LABEL}'",
-            found="a channel that has none",
+            expected=f"one count or more in the rows '{EMPTY_LABEL}'",
+            found="none that is below saturation",
             where=source,
             todo="Read the empty room again, or leave those rows out: the median over all readings is then taken.",
         )
-    return np.asarray(np.where(known, counts, 0.0).sum(axis=0) / known.sum(axis=0), dtype=np.float64)
+    total, count = np.where(known, counts, 0.0).sum(axis=0), known.sum(axis=0)
+    return np.asarray(total / np.maximum(count, 1), dtype=np.float64)
 
 
 def parse_frame(line: str, columns: WideColumns) -> FloatArray | None:

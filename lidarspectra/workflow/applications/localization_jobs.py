@@ -147,9 +147,13 @@ def train_from_files(
     require_writable(out)
     model = train_locator(tables, settings, seed=seed, progress=progress)
     save_locator(model, out)
-    lacking = [path.name for path, table in zip(files, tables, strict=True) if "empty" not in table]
-    notes = (NO_EMPTY_ROOM_NOTE.format(files=", ".join(lacking)),) if lacking else ()
+    notes = _notes_without_empty_room(files, tables)
     return model, notes if model.places.has_positions else (*notes, NO_METRES_NOTE)
+
+
+def _notes_without_empty_room(files: Sequence[Path], tables: Sequence[xr.Dataset]) -> tuple[str, ...]:
+    lacking = [path.name for path, table in zip(files, tables, strict=True) if "empty" not in table]
+    return (NO_EMPTY_ROOM_NOTE.format(files=", ".join(lacking)),) if lacking else ()
 
 
 def errors_from_files(
@@ -207,9 +211,10 @@ def errors_from_files(
     tables = [error_table(errors, name="errors", caption=found), people_table(true_people, probabilities)]
     made_folder(out)
     known = [path.name for path in files if path.name in model.source.split(", ")]
-    notes: tuple[str, ...] = ()
+    notes = _notes_without_empty_room(files, readings) if against == "own" else ()
     if known:
         notes = (
+            *notes,
             f"The model was trained on {', '.join(known)}, so that this test says nothing on new readings. Test it on "
             "readings that it was not trained on.",
         )

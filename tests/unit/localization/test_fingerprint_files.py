@@ -95,6 +95,16 @@ def test_an_empty_room_is_read_from_its_rows_or_from_a_table_of_nothing_else(tmp
         read_empty_room(written(tmp_path, "9,90,21,210,a", "9,90,21,210,b"))
 
 
+def test_a_sensor_that_was_dead_in_the_empty_room_is_left_out_and_the_night_is_read(
+    tmp_path: Path,
+) -> None:
+    night = written(tmp_path, "10,100,,65535,empty", "12,102,,65535,empty", "9,90,,210,a")
+    for table in (read_fingerprints(night), read_empty_room(night)):
+        assert table["empty"].to_numpy().tolist() == [[11.0, 101.0], [0.0, 0.0]]  # 0 is no reference
+    with pytest.raises(MapError, match="one count or more in the rows 'empty'"):
+        read_fingerprints(written(tmp_path, ",,,65535,empty", "9,90,,210,a"))
+
+
 @pytest.mark.parametrize("name", ["time", "time_s", "Timestamp"])
 def test_times_of_a_wide_table_are_read_in_any_form_or_refused(name: str, tmp_path: Path) -> None:
     header = f"{name},{HEADER}"
