@@ -200,6 +200,7 @@ class LineProtocolDriver:
         key = (header.boot, header.stream)
         known = self._streams.get(key)
         if known is not None and known.header == header:
+            self._awaits_header = False
             return items
         stream = _Stream(header, last=self._before_first)
         if known is not None:

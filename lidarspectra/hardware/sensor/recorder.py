@@ -18,7 +18,7 @@ from lidarspectra.hardware.sensor.serial_link import BAUD_RATES, Clock, Link, Li
 
 WAIT_S = 0.1  # [s] longest wait in one go; the loop looks at the clock and at Ctrl-C that often
 RECONNECT_S = (0.2, 0.5, 1.0, 2.0)  # [s] waits before each further attempt; the last one stays
-DEAF_S = 20.0  # [s] an open port that says nothing for so long is closed and opened again
+DEAF_S = 20.0  # [s] an open port that says nothing for so long, and for 2.5 periods, is closed and opened again
 AUTOMATIC_GAIN = "automatic gain: "  # begins what is noted of it
 UPSET_INTERVAL_S = 1.0  # [s] between rows on troubles after which nothing was missing
 
@@ -43,7 +43,7 @@ class RecordOptions:
     auto_gain : bool
         Change gain and integration time with the light.
     give_up_s : float
-        Stop when nothing was heard for so long. [s]
+        Stop when nothing was heard for so long, and for 2.5 periods. [s]
     """
 
     wishes: Wishes = field(default_factory=Wishes)
@@ -250,9 +250,10 @@ class _Session:
         if data:
             self._quiet_since_s = moment.monotonic_s
             return driver.receive(data, moment)
-        if moment.monotonic_s - self._quiet_since_s >= DEAF_S:
+        deaf_s = max(DEAF_S, ALARM_PERIODS * driver.period_s)
+        if moment.monotonic_s - self._quiet_since_s >= deaf_s:
             raise LinkLostError(
-                expected="a device that sends data", found=f"silence for {DEAF_S:.0f} s", where=self._port.name
+                expected="a device that sends data", found=f"silence for {deaf_s:.0f} s", where=self._port.name
             )
         return driver.tick(moment)
 
@@ -278,7 +279,7 @@ class _Session:
         now_s = self._clock.now().monotonic_s
         if self._stop() or now_s - self._start.monotonic_s >= options.duration_s:
             return True
-        if now_s - self._good_s >= options.give_up_s:
+        if now_s - self._good_s >= max(options.give_up_s, ALARM_PERIODS * options.wishes.period_s):
             self.summary.gave_up = True
             return True
         return options.readings is not None and self._counted() >= options.readings

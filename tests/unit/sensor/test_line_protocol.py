@@ -75,6 +75,18 @@ def test_lines_before_the_header_wait_for_it_and_are_not_guessed() -> None:
     assert sequences(talk.receive(frame(HEADER), at(2))) == [5, 6]
 
 
+def test_a_board_that_is_connected_again_is_asked_for_its_header_until_it_answers_and_no_longer() -> None:
+    talk = driver()
+    talk.receive(frame(HEADER) + frame("A,3,P,1000"), at(0))
+    talk.outgoing()
+    talk.connect(at(10))
+    assert b"?" in talk.outgoing()
+    talk.receive(frame(HEADER) + frame("A,3,P,1000"), at(10.5))  # the same as before: it had not restarted
+    for second in range(12, 20):
+        talk.tick(at(second))
+    assert talk.outgoing() == b""
+
+
 def test_lines_that_never_get_a_header_are_told_at_the_end() -> None:
     talk = driver()
     talk.receive(data(5) + data(6), at(1))

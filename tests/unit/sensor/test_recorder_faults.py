@@ -66,6 +66,20 @@ def test_our_sketch_loses_no_whole_reading_and_invents_none(seed: int, tmp_path:
     assert_gaps_are_told(rows, period_s=1.0)
 
 
+@pytest.mark.parametrize("kind", [AtModule, SketchBoard])
+@pytest.mark.parametrize("period_s", [60.0, 900.0])
+def test_a_reading_a_minute_or_a_quarter_of_an_hour_is_no_silence(
+    kind: type[AtModule], period_s: float, tmp_path: Path
+) -> None:
+    clock = VirtualClock()
+    options = RecordOptions(wishes=Wishes(period_s=period_s), duration_s=10.5 * period_s)
+    with LogWriter(tmp_path / "log.csv", sync=lambda descriptor: None) as log:
+        summary = record(VirtualPort(FaultyWire(kind(), None), clock), log, options=options, clock=clock)
+    assert 10 <= summary.readings <= 12  # our sketch reads one before it is told the period
+    assert not summary.troubles
+    assert not summary.gave_up
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_our_sketch_counts_what_is_lost(seed: int, tmp_path: Path) -> None:
     kinds: tuple[Fault, ...] = ("cut", "corrupt", "garbage", "repeat", "flood")
