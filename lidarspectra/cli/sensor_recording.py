@@ -246,8 +246,8 @@ def emulate(
 
     makers: dict[str, Callable[[], Device]] = {
         "module": lambda: AtModule(seed=seed),
-        "sketch": lambda: SketchBoard(seed=seed),
-        "cells": lambda: SketchBoard(cells=lambda now_s: (110, 99, 8), spectrum=False),
+        "sketch": lambda: SketchBoard(seed=seed, shortest_ms=500),  # as our sketches on a real board
+        "cells": lambda: SketchBoard(cells=lambda now_s: (110, 99, 8), spectrum=False, shortest_ms=200),
         "sparkfun": lambda: SparkfunBoard(seed=seed),
     }
     if kind not in makers:

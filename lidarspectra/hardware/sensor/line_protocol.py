@@ -102,6 +102,7 @@ class LineProtocolDriver:
         self._clock = DeviceClock()
         self._outgoing = bytearray()
         self._unanswered: dict[str, str] = {}
+        self._learns_period = False
         self._asked_s = -np.inf
         self._awaits_header = True
         self._overlong_reported = 0
@@ -175,7 +176,7 @@ class LineProtocolDriver:
         return list(dict.fromkeys(lines))
 
     def _order_settings(self) -> None:
-        self._unanswered = {"P": str(round(self.period_s * 1000))}
+        self._unanswered = {} if self._learns_period else {"P": str(round(self.period_s * 1000))}
         if self._settings is not None:
             self._unanswered["G"] = str(self._settings.gain_code)
             self._unanswered["I"] = str(self._settings.integration_steps)
@@ -251,6 +252,7 @@ class LineProtocolDriver:
         if value == "ERROR":
             if self._unanswered.pop(command, None) is None:
                 return []  # it answers what another protocol was asked with, when the device was not known yet
+            self._learns_period |= command == "P"  # the board reads no faster, or no slower; how often, its lines tell
             return [Trouble(moment=moment, reason="device error", detail=f"the board refused {command}")]
         if self._unanswered.get(command) == value:
             del self._unanswered[command]
@@ -308,6 +310,9 @@ class LineProtocolDriver:
                     stream="spectrum" if kind == "spectrum" else "cells",
                 )
             )
+        before_ms = stream.recent.get(stream.last) if stream.last is not None else None
+        if self._learns_period and before_ms is not None and device_ms > before_ms:
+            self.period_s = 1e-3 * (device_ms - before_ms) / (missing + 1)
         stream.last = sequence
         stream.recent[sequence] = device_ms
         if len(stream.recent) > HELD_LINES:

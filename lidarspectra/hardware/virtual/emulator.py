@@ -199,6 +199,8 @@ class SketchBoard:
         Whether it has the spectral sensor.
     seed : int
         Of its noise.
+    shortest_ms : int
+        Shortest period that it accepts; a real board with the spectral sensor reads for 0.4 s, and accepts 500. [ms]
     """
 
     def __init__(
@@ -208,8 +210,10 @@ class SketchBoard:
         cells: Callable[[float], tuple[int, ...]] | None = None,
         spectrum: bool = True,
         seed: int = 0,
+        shortest_ms: int = 20,
     ) -> None:
         self._cells = cells
+        self._shortest_ms = shortest_ms
         self._streams = ("S",) * spectrum + ("C",) * (cells is not None)
         self._sensor = _Sensor(light, seed)
         self._boot = 0
@@ -266,7 +270,7 @@ class SketchBoard:
             self._queued += self._headers()
             return
         number = int(value) if value.isdigit() else -1
-        limits = {"P": (20, 3600000), "G": (0, 3), "I": (1, 255)}
+        limits = {"P": (self._shortest_ms, 3600000), "G": (0, 3), "I": (1, 255)}
         low, high = limits.get(name, (0, -1))
         if not low <= number <= high:
             self._queued.append(Message(frame(f"A,{self._boot},{name[:1] or '-'},ERROR")))

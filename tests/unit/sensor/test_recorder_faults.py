@@ -66,6 +66,17 @@ def test_our_sketch_loses_no_whole_reading_and_invents_none(seed: int, tmp_path:
     assert_gaps_are_told(rows, period_s=1.0)
 
 
+def test_a_board_that_reads_no_faster_has_no_gap_at_every_reading(tmp_path: Path) -> None:
+    clock = VirtualClock()
+    options = RecordOptions(wishes=Wishes(period_s=0.2), duration_s=60.0)
+    wire = FaultyWire(SketchBoard(shortest_ms=500), None)
+    with LogWriter(tmp_path / "log.csv", sync=lambda descriptor: None) as log:
+        summary = record(VirtualPort(wire, clock), log, options=options, clock=clock)
+    assert summary.readings > 50
+    assert summary.gaps <= 1  # until it is known how often it reads
+    assert summary.troubles == {"device error": 1}  # it refused the period
+
+
 @pytest.mark.parametrize("kind", [AtModule, SketchBoard])
 @pytest.mark.parametrize("period_s", [60.0, 900.0])
 def test_a_reading_a_minute_or_a_quarter_of_an_hour_is_no_silence(
