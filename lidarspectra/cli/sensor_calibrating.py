@@ -14,7 +14,7 @@ from lidarspectra.cli.sensor_options import (
     calibration_named,
     settings_given,
 )
-from lidarspectra.cli.terminal import console, print_log_notes, say
+from lidarspectra.cli.terminal import console, print_log_notes, print_note, say
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.as7265x import SensorSettings
@@ -95,7 +95,7 @@ def _lamp_calibration(
 
     observations: list[Observation] = []
     kind: Signal | None = None
-    gain = time_ms = math.nan
+    found: list[tuple[float, float]] = []
     for pair in lamps:
         log, separator, spectrum = pair.rpartition("=")
         if not separator:
@@ -103,7 +103,7 @@ def _lamp_calibration(
         readings = readings_from_csv(Path(log), settings=settings, sensor=sensor)
         print_log_notes(readings)
         kind = kind or best_signal(readings)
-        gain, time_ms = settings_of(readings)
+        found.append(settings_of(readings))
         reference = reference_from_file(Path(spectrum), unit=unit)
         observations.append(observe(readings, reference, name=Path(spectrum).stem, kind=kind, uncertainty=uncertainty))
     for path in dark:
@@ -111,6 +111,12 @@ def _lamp_calibration(
         print_log_notes(readings)
         observations.append(observe(readings, np.zeros(18), name=f"dark {path.stem}", kind=kind, uncertainty=0.0))
     assert kind is not None  # there is a lamp
+    gain, time_ms = (values[0] if len(set(values)) == 1 else math.nan for values in zip(*found, strict=True))
+    if len({f"{each:g}" for each, _ in found}) > 1:  # all unknown are one
+        print_note(
+            "The lamps were read at different gains, whose ratios are known within 10 % only: what is read with this "
+            "calibration is as uncertain at any gain. Read all lamps at the gain of the measurement."
+        )
     if len(lamps) > 1:
         say(f"Each lamp predicted from the others: {100 * leave_one_out(observations):.1f} % rms")
     return fit_calibration(observations, name=name, device=device, of_signal=kind, gain=gain, integration_ms=time_ms)

@@ -127,6 +127,15 @@ def test_a_calibration_is_made_saved_and_used(tmp_path: Path, monkeypatch: pytes
     for wrong in ("bench@", "bench@x", "bench@v1"):
         assert "NAME@VERSION" in refused("convert", log, "--out", tmp_path / "t.csv", "--calibration", wrong)
     assert call("calibrate", "x").exit_code == 2
+    own = read["SE_560"] / read["E_560"]
+    bright, dim = tmp_path / "bright.csv", tmp_path / "dim.csv"
+    bright.write_text(spectrum.read_text(encoding="utf-8").replace(",2\n", ",8\n"), encoding="utf-8")
+    dim.write_text(log.read_text(encoding="utf-8").replace(",16,165.2,", ",3.7,165.2,"), encoding="utf-8")
+    told = done("calibrate", "mixed", "--lamp", f"{log}={spectrum}", "--lamp", f"{dim}={bright}")
+    assert "at different gains" in told
+    done("convert", log, "--out", tmp_path / "mixed.csv", "--calibration", "mixed")
+    mixed = pd.read_csv(tmp_path / "mixed.csv")
+    assert ((mixed["SE_560"] / mixed["E_560"]) ** 2 > own**2 + 0.05**2).all()  # 10 % limits of a gain's ratio
 
 
 def test_a_place_far_from_the_map_calibrates_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
