@@ -17,7 +17,7 @@ import io
 import re
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
@@ -60,6 +60,8 @@ class WideColumns:
         Columns of label and time; None where there is none.
     width : int
         Columns in all.
+    delimiter : str
+        Between the cells of a line, where lines come one by one.
     """
 
     sensors: tuple[str, ...]
@@ -68,6 +70,7 @@ class WideColumns:
     label: int | None
     time: int | None
     width: int
+    delimiter: str = ","
 
     @property
     def order(self) -> tuple[int, ...]:
@@ -440,7 +443,7 @@ def parse_frame(line: str, columns: WideColumns) -> FloatArray | None:
     Parameters
     ----------
     line : str
-        Comma-separated.
+        Its cells between commas, semicolons or tabs, as those of its header.
     columns : WideColumns
         Of the header before it.
 
@@ -449,9 +452,11 @@ def parse_frame(line: str, columns: WideColumns) -> FloatArray | None:
     counts : (sensor, band) float or None
         Saturated and missing ones as NaN; None for an incomplete or damaged line.
     """
-    cells = [cell.strip() for cell in line.split(",")]
+    cells = [cell.strip() for cell in line.split(columns.delimiter)]
     if len(cells) != columns.width:
         return None
+    if columns.delimiter != ",":
+        cells = [cell.replace(",", ".") for cell in cells]
     try:
         numbers = np.array([float(cells[column] or "nan") for column in columns.order])
     except ValueError:
@@ -462,4 +467,6 @@ def parse_frame(line: str, columns: WideColumns) -> FloatArray | None:
 
 def header_of(text: str, *, where: str) -> WideColumns:
     """The columns that a header line names; raises MapError as `wide_columns`."""
-    return wide_columns(text.strip().split(","), where=where)
+    line = text.strip("\r\n ")
+    delimiter = _delimiter(line)
+    return replace(wide_columns(line.split(delimiter), where=where), delimiter=delimiter)

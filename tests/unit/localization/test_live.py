@@ -74,6 +74,14 @@ def test_a_hub_is_understood_from_its_header_on_and_through_damage() -> None:
     assert np.isnan(counts[2][1])
 
 
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_a_hub_may_print_semicolons_and_tabs(mark: str) -> None:
+    with hub(HEADER.replace(",", mark), mark.join(("1", "2", "")), mark.join(("3", "4,5", "x"))) as address:
+        frames = list(itertools.islice(frames_of_lines(SerialPort(address), stop=stop_after(20.0)), 2))
+    counts = [frame.table["counts"].to_numpy()[0, 0].tolist() for frame in frames]
+    assert sorted(counts) == [[1.0, 2.0], [3.0, 4.5]]  # whichever came first after the header
+
+
 def test_a_hub_without_a_header_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lidarspectra.mapping.localization.frames.HEADER_WITHIN_S", 0.2)
     with hub("1,2,", "3,4,") as address, pytest.raises(DeviceError, match="a header"):
