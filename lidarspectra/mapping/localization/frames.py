@@ -6,6 +6,7 @@ and frames are assembled at a fixed rate from the latest reading of each; a read
 """
 
 import itertools
+import math
 import queue
 import tempfile
 import threading
@@ -226,13 +227,14 @@ def frames_of_ports(
     """
     clock = clock or SystemClock()
     assembler = FrameAssembler(tuple(ports), max_age_s=max_age_s)
+    kept = replace(options or RecordOptions(), give_up_s=math.inf)  # a sensor that is away for an hour may come back
     heard: queue.Queue[tuple[str, Reading | LidarSpectraError]] = queue.Queue()
     ended = threading.Event()
     with tempfile.TemporaryDirectory() as scratch:
         threads = [
             threading.Thread(
                 target=_keep_port,
-                args=(name, port, Path(scratch) / f"{number}.csv", options or RecordOptions(), heard, ended, stop),
+                args=(name, port, Path(scratch) / f"{number}.csv", kept, heard, ended, stop),
                 daemon=True,
             )
             for number, (name, port) in enumerate(ports.items())

@@ -182,6 +182,16 @@ def test_ports_of_single_sensors_become_frames(tmp_path: Path) -> None:
     assert whole.table["sensor"].to_numpy().tolist() == ["module", "sketch"]
 
 
+def test_a_sensor_that_is_away_for_long_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[RecordOptions] = []
+    monkeypatch.setattr(
+        "lidarspectra.mapping.localization.frames.record", lambda *_, options, **__: asked.append(options)
+    )
+    ports = {"a": SerialPort("/dev/none")}
+    assert not list(frames_of_ports(ports, period_s=0.1, max_age_s=1.0, stop=stop_after(20.0)))
+    assert [options.give_up_s for options in asked] == [np.inf]  # the recorder by itself gives up after ten minutes
+
+
 def test_a_port_that_is_not_there_is_told() -> None:
     with pytest.raises(DeviceError):
         list(frames_of_ports({"a": SerialPort("/dev/none")}, period_s=0.1, max_age_s=1.0, stop=stop_after(20.0)))
