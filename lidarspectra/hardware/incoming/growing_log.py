@@ -313,9 +313,12 @@ class LogRows:
             given = {_CHANNELS.get(name, name): _number(row[name]) for name in (LUX, STATE, *_CHANNELS) if name in row}
             values = {name: value for name, value in given.items() if math.isfinite(value)}
         name = row.get("sensor") or self._sensor
+        if not values and kind == "reading":
+            why = self._light.why_none(counts, module)
+            return [] if why is None else self._once(why, f"Sensor '{name}' gives no light: {why}")
         if not values:
             word = next((row[column] for column in (LUX, STATE, *_CHANNELS) if row.get(column, "").strip()), None)
-            if kind == "reading" or word is None:
+            if word is None:
                 return []
             return self._once(
                 word, f"'{word[:30]}' of sensor '{name}' is no number and is left out; this is said once."

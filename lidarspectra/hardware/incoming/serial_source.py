@@ -56,6 +56,7 @@ class SerialSource:
         """Give readings; a port that is not there is tried again, said once."""
         attempt, said = 0, ""
         is_doubtful = not self._light.is_calibrated
+        blind: set[str] = set()
 
         def tell(entry: Entry) -> None:
             nonlocal attempt, said, is_doubtful
@@ -67,6 +68,10 @@ class SerialSource:
                     put(Notice(source=self.name, text=f"Sensor '{self._sensor}' gives readings again."))
                 attempt, said = 0, ""
                 values = self._light.values(entry.counts, entry.module_values, entry.gain, entry.integration_ms)
+                why = self._light.why_none(entry.counts, entry.module_values) if not values else None
+                if why is not None and why not in blind:
+                    blind.add(why)
+                    put(Notice(source=self.name, text=f"Sensor '{self._sensor}' gives no light: {why}"))
                 if values:
                     device_s = None if entry.device_ms is None else 1e-3 * entry.device_ms
                     put(Arrival(sensor=self._sensor, values=values, unix_s=entry.moment.unix_s, device_s=device_s))

@@ -3,16 +3,18 @@
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from lidarspectra.hardware.incoming import serial_source
 from lidarspectra.hardware.incoming.arrivals import BACK_OFF_S
+from lidarspectra.hardware.incoming.channel_light import ChannelLight
 from lidarspectra.hardware.incoming.serial_source import SerialSource
-from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
+from lidarspectra.hardware.sensor.as7265x import ASCENDING_LETTERS, CHANNEL_LABELS, ChannelOrder, settings_for
 from lidarspectra.hardware.sensor.identify import Wishes
 from lidarspectra.hardware.sensor.reading_log import read_rows
 from lidarspectra.hardware.sensor.serial_link import SerialPort
-from lidarspectra.hardware.virtual.emulator import SketchBoard
+from lidarspectra.hardware.virtual.emulator import SketchBoard, SparkfunBoard
 from lidarspectra.hardware.virtual.emulator_ports import EmulatorServer
 from lidarspectra.hardware.virtual.faults import FaultPlan, FaultyWire
 
@@ -31,6 +33,37 @@ def test_readings_arrive_as_light_and_stay_in_the_log(tmp_path: Path, running) -
     assert len(heard.arrivals[0].values) > 10
     assert ["'desk' has no calibration" in notice.text for notice in heard.notices] == [True]  # once
     assert sum(row["kind"] == "reading" for row in read_rows(log)[0]) >= 4
+
+
+@BY_A_DEVICE
+def test_a_sketch_that_tells_no_gain_gives_light_by_the_one_that_is_given_and_else_that_is_said(
+    tmp_path: Path, running
+) -> None:
+    order = ChannelOrder(letters=ASCENDING_LETTERS, said_by="test")
+    for settings in (None, settings_for(64.0, 140.0)):
+        with EmulatorServer(FaultyWire(SparkfunBoard()), speed=SPEED) as server:
+            source = SerialSource(
+                SerialPort(server.address), sensor="desk", log=tmp_path / f"{settings is None}.csv",
+                light=ChannelLight(settings=settings), wishes=Wishes(settings=settings, order=order),
+            )  # fmt: skip
+            with running(source) as heard:
+                if settings is None:
+                    heard.until(lambda heard: len(heard.notices) >= 2)
+                    assert not heard.arrivals
+                    assert "gives no light: it tells neither gain nor integration time" in heard.notices[1].text
+                else:
+                    heard.until(lambda heard: len(heard.arrivals) >= 2)  # of the module's values, as `sensor convert`
+                    assert len(heard.arrivals[0].values) > 10
+
+
+@BY_A_DEVICE
+def test_a_sensor_that_is_saturated_throughout_is_told_of(tmp_path: Path, running) -> None:
+    with EmulatorServer(FaultyWire(SketchBoard(lambda now_s: np.full(18, 1e6))), speed=SPEED) as server:
+        source = SerialSource(SerialPort(server.address), sensor="desk", log=tmp_path / "log.csv")
+        with running(source) as heard:
+            heard.until(lambda heard: len(heard.notices) >= 2)
+    assert not heard.arrivals
+    assert "gives no light: every channel is saturated" in heard.notices[1].text
 
 
 @BY_A_DEVICE
