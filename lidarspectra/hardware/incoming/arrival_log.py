@@ -17,7 +17,6 @@ from lidarspectra.hardware.sensor.log_text import cell_count
 from lidarspectra.io.files import writing
 
 COLUMNS = ("utc", "unix_s", "device_s", "sensor", STATE, LUX, *(f"E_{label}" for label in CHANNEL_LABELS))
-HEADER = (",".join(COLUMNS) + "\n").encode()
 LAST_BYTES = 65536  # of a log, which hold its last rows
 SYNC_INTERVAL_S = 1.0  # [s] longest time whose rows a power cut may lose
 
@@ -29,6 +28,8 @@ class ArrivalLog:
     ----------
     folder : Path
         Made if absent. A day's log that is there is continued.
+    labels : sequence of str
+        Of channels that come beside those of an AS7265x: of a run for another sensor.
 
     Raises
     ------
@@ -36,8 +37,10 @@ class ArrivalLog:
         If it cannot be written; what was written before is kept.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, labels: Sequence[str] = ()) -> None:
         self._folder = folder
+        self._columns = tuple(dict.fromkeys((*COLUMNS, *(f"E_{label}" for label in labels))))
+        self._header = (",".join(self._columns) + "\n").encode()
         self._day = ""
         self._file: IO[bytes] | None = None
         self._synced_s = 0.0
@@ -83,12 +86,12 @@ class ArrivalLog:
             self._day = day
             if is_cut:
                 self._file.write(b"\n")  # what a crash left of a row stays a broken row of its own
-            if is_new or not _has_columns(path):
-                self._file.write(HEADER)
+            if is_new or not _begins_with(path, self._header):
+                self._file.write(self._header)
 
     def _put(self, row: dict[str, str]) -> None:
         buffer = io.StringIO()
-        csv.DictWriter(buffer, COLUMNS, restval="", extrasaction="ignore", lineterminator="\n").writerow(row)
+        csv.DictWriter(buffer, self._columns, restval="", extrasaction="ignore", lineterminator="\n").writerow(row)
         assert self._file is not None  # the day's was opened
         with _writing(self._folder):
             self._file.write(buffer.getvalue().encode("utf-8"))
@@ -110,17 +113,17 @@ def newest_time(folder: Path) -> float | None:
         rows = file.read().decode("utf-8", errors="replace").split("\n")[:-1]  # what follows the last end was cut
     for row in reversed(rows):
         try:
-            if cell_count(row) == len(COLUMNS):
+            if cell_count(row) >= len(COLUMNS):
                 return float(row.split(",", 2)[1])  # no quoted cell comes before it
         except ValueError:  # a header, or a row that a power cut damaged
             continue
     return None
 
 
-def _has_columns(path: Path) -> bool:
+def _begins_with(path: Path, header: bytes) -> bool:
     """Whether a log was begun with the same columns; one of an earlier version was not, and gets a header anew."""
     with path.open("rb") as file:
-        return file.readline() == HEADER
+        return file.readline() == header
 
 
 def _ends_whole(path: Path) -> bool:

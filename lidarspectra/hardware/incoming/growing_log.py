@@ -20,7 +20,6 @@ import numpy as np
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.incoming.arrivals import LUX, POLL_S, STATE, Arrival, Notice, Put, Stop, pause
 from lidarspectra.hardware.incoming.channel_light import UNCALIBRATED, ChannelLight
-from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.reading_log import COUNT_COLUMNS, MODULE_COLUMNS
 
 CHUNK_BYTES = 1 << 20
@@ -29,7 +28,7 @@ LOOK_BACK_BYTES = 1 << 14  # of a log that is there already, enough for its last
 HEADER_BYTES = 1 << 16
 MARK_BYTES = 1 << 12  # of a log's beginning, and of what was read last, by which it is known again
 MAX_TOLD = 20  # names and words that are said of one log
-_CHANNELS = {f"E_{label}": label for label in CHANNEL_LABELS}
+_CHANNEL = "E_"  # begins the name of a channel's column
 
 
 class GrowingLog:
@@ -145,7 +144,7 @@ class GrowingLog:
             on_notice(Notice(source=self.name, text="Rows without a number in 'unix_s' are left out."))
         if not self._rows.has_header:
             raise ReadingError(
-                expected=f"a header that names some of lux, {', '.join(list(_CHANNELS)[:2])} ..., or a recorder's log",
+                expected=f"a header that names some of lux, {_CHANNEL}410, {_CHANNEL}435 ..., or a recorder's log",
                 found="none",
                 where=self.name,
                 todo="'lidarspectra sensor convert' makes such a table of any log that it knows.",
@@ -310,14 +309,14 @@ class LogRows:
             gain, time_ms = _number(row.get("gain", "")), _number(row.get("integration_ms", ""))
             values = self._light.values(counts, module, gain, time_ms)
         else:
-            given = {_CHANNELS.get(name, name): _number(row[name]) for name in (LUX, STATE, *_CHANNELS) if name in row}
+            given = {name.removeprefix(_CHANNEL): _number(row[name]) for name in row if _is_value(name)}
             values = {name: value for name, value in given.items() if math.isfinite(value)}
         name = row.get("sensor") or self._sensor
         if not values and kind == "reading":
             why = self._light.why_none(counts, module)
             return [] if why is None else self._once(why, f"Sensor '{name}' gives no light: {why}")
         if not values:
-            word = next((row[column] for column in (LUX, STATE, *_CHANNELS) if row.get(column, "").strip()), None)
+            word = next((row[column] for column in row if _is_value(column) and row[column].strip()), None)
             if word is None:
                 return []
             return self._once(
@@ -342,7 +341,12 @@ class LogRows:
 def _is_header(fields: list[str]) -> bool:
     """Whether a line names columns: a log may begin anew in its middle."""
     names = {name.strip() for name in fields}
-    return bool(names & {LUX, *_CHANNELS}) or {"kind", "utc"} <= names
+    return any(_is_value(name) and name != STATE for name in names) or {"kind", "utc"} <= names
+
+
+def _is_value(name: str) -> bool:
+    """Whether a column is of light, or of a switch's state."""
+    return name in (LUX, STATE) or name.startswith(_CHANNEL)
 
 
 def _number(text: str) -> float:

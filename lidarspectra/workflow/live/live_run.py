@@ -131,9 +131,10 @@ class LiveRun:
         if not options.replay:
             with writing_run(run):
                 self.readings.mkdir(parents=True, exist_ok=True)
+        self._labels = scene_of_run(run).bands.labels
         self._sources = sources_of(
             sensors,
-            scene_of_run(run).bands.labels,
+            self._labels,
             base=base,
             logs=self.readings,
             run_name=run.resolve().name,
@@ -197,7 +198,7 @@ class LiveRun:
                 session = LiveSession(
                     self.present,
                     self._sources,
-                    log=ArrivalLog(self.readings),
+                    log=ArrivalLog(self.readings, labels=self._labels),
                     factors=self._factors,
                     beside=beside,
                 )

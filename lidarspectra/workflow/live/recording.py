@@ -61,7 +61,8 @@ def record_nodes(
         if arrival.sensor in clocks:  # not a switch
             clocks[arrival.sensor].take(arrival)
 
-    gather(made, ArrivalLog(folder), stop=stop, on_arrival=count, on_notice=on_notice)
+    labels = [label for sensor in sensors.sensors for label in sensor.topics]
+    gather(made, ArrivalLog(folder, labels=labels), stop=stop, on_arrival=count, on_notice=on_notice)
     nodes = [clock.status for clock in clocks.values()]
     table = nodes_table(nodes)
     save_table(table, folder)

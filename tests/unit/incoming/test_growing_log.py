@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ReadingError
-from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
+from lidarspectra.hardware.incoming.arrival_log import ArrivalLog, newest_time
 from lidarspectra.hardware.incoming.arrivals import Arrival, Notice
 from lidarspectra.hardware.incoming.channel_light import ChannelLight
 from lidarspectra.hardware.incoming.growing_log import GrowingLog, names_sensors
@@ -202,6 +202,20 @@ def test_what_is_logged_comes_back_as_it_was(tmp_path: Path) -> None:
     found = all_of(path)
     assert [(each.sensor, each.unix_s) for each in found] == [(each.sensor, each.unix_s) for each in given]
     assert [dict(each.values) for each in found] == [pytest.approx(dict(each.values)) for each in given]
+
+
+def test_channels_of_another_sensor_than_the_as7265x_are_logged_and_come_back(tmp_path: Path) -> None:
+    given = [
+        Arrival(sensor="shelf", values={"410": 1.5, "553": 2.5}, unix_s=1_700_000_000.0 + second) for second in range(4)
+    ]
+    for part in (given[:2], given[2:]):
+        log = ArrivalLog(tmp_path, labels=("410", "553"))
+        log.write(part)
+        log.close()
+    (path,) = tmp_path.iterdir()
+    assert [dict(each.values) for each in all_of(path)] == [{"410": 1.5, "553": 2.5}] * 4
+    assert newest_time(tmp_path) == given[-1].unix_s
+    assert path.read_text(encoding="utf-8").count("utc") == 1
 
 
 @pytest.mark.parametrize("settings", [None, settings_for(64.0, 140.0)])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ReadingError
-from lidarspectra.hardware.incoming.arrival_log import HEADER, ArrivalLog, newest_time
+from lidarspectra.hardware.incoming.arrival_log import COLUMNS, ArrivalLog, newest_time
 from lidarspectra.hardware.incoming.arrivals import NODE_TIME, Arrival, Notice
 from lidarspectra.hardware.incoming.growing_log import GrowingLog
 from lidarspectra.hardware.incoming.node_clocks import NodeClock
@@ -122,7 +122,7 @@ def test_a_recording_that_was_cut_goes_on_and_loses_the_half_row_alone(tmp_path:
     read = list(GrowingLog(path, sensor="?").past())
     assert len(read) == 39
     assert [each.unix_s for each in read[-20:]] == pytest.approx([each.unix_s for each in given[20:]], abs=1e-3)
-    assert path.read_bytes().count(HEADER) == 1
+    assert path.read_text(encoding="utf-8").count(",".join(COLUMNS)) == 1
 
 
 def test_rows_before_the_clock_was_set_are_left_out_of_a_recording_and_that_is_said(tmp_path: Path) -> None:
