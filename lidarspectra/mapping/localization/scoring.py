@@ -118,7 +118,8 @@ def score_within(
     MapError
         As `time_splits` and `train_locator`.
     """
-    splits = time_splits(table["label"].to_numpy().astype(str).tolist())
+    told_s = table["time_s"].to_numpy() if "time_s" in table.coords else None
+    splits = time_splits(table["label"].to_numpy().astype(str).tolist(), told_s)
     times_s = None if each_alone else times_in_order(table, is_recording=True)
     parts: list[dict[Method, LocationErrors]] = []
     for number, split in enumerate(splits):

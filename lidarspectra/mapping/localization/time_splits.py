@@ -12,11 +12,12 @@ from typing import Literal
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import MapError
 
 SplitKind = Literal["visits", "stretches"]
 STRETCHES = 2  # of a visit: its first half against its second, and the other way round
+VISIT_GAP_S, VISIT_GAP_PERIODS = 60.0, 10.0  # without a reading: who is at the same place then has come back
 GAP_SHARE = 0.1  # [1] of a visit's readings, left out between the two
 
 
@@ -40,19 +41,34 @@ class TimeSplit:
     words: str
 
 
-def visits_of(labels: Sequence[str]) -> IntArray:
-    """(reading,) number of the visit: it grows by one wherever the label changes."""
+def visits_of(labels: Sequence[str], times_s: FloatArray | None = None) -> IntArray:
+    """(reading,) number of the visit: it grows by one wherever the label changes, or the time jumps.
+
+    Readings of the empty room between two visits to one place are no part of a night's table: times tell them apart.
+
+    Parameters
+    ----------
+    labels : sequence of str
+    times_s : (reading,) float, optional
+        [s]
+    """
     names = np.asarray(labels).astype(str)
-    return np.concatenate([[0], np.cumsum(names[1:] != names[:-1])]).astype(np.int64)
+    begins = names[1:] != names[:-1]
+    if times_s is not None and names.size > 1:
+        apart_s = np.abs(np.diff(times_s))
+        begins = begins | (apart_s > max(VISIT_GAP_S, VISIT_GAP_PERIODS * float(np.median(apart_s))))
+    return np.concatenate([[0], np.cumsum(begins)]).astype(np.int64)
 
 
-def time_splits(labels: Sequence[str]) -> tuple[TimeSplit, ...]:
+def time_splits(labels: Sequence[str], times_s: FloatArray | None = None) -> tuple[TimeSplit, ...]:
     """Splits of readings in the order in which they were taken.
 
     Parameters
     ----------
     labels : sequence of str
         Name of the place, a reading each, in order of time.
+    times_s : (reading,) float, optional
+        As of `visits_of`. [s]
 
     Returns
     -------
@@ -63,7 +79,7 @@ def time_splits(labels: Sequence[str]) -> tuple[TimeSplit, ...]:
     MapError
         If a visit is too short to be cut.
     """
-    names, visit = np.asarray(labels).astype(str), visits_of(labels)
+    names, visit = np.asarray(labels).astype(str), visits_of(labels, times_s)
     turn = _visit_of_place(names, visit)
     most = {name: int(turn[names == name].max()) + 1 for name in np.unique(names)}
     fewest = min(most.values())

@@ -168,6 +168,9 @@ def test_the_geometric_median_of_an_equilateral_triangle_is_its_middle() -> None
 
 def test_a_visit_ends_where_the_label_changes() -> None:
     assert visits_of(list("aabba")).tolist() == [0, 0, 1, 1, 2]
+    times = np.array([0.0, 1.0, 100.0, 101.0, 102.0])  # the empty room was read in between
+    assert visits_of(list("aaaab"), times).tolist() == [0, 0, 1, 1, 2]
+    assert visits_of(list("aaaab"), 60.0 * np.arange(5)).tolist() == [0, 0, 0, 0, 1]  # one a minute is one visit
 
 
 def test_single_visits_are_cut_with_a_gap_and_never_shuffled() -> None:
