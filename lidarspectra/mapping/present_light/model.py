@@ -39,6 +39,9 @@ class SensorModel:
         Relative deviation of this number alone: noise and calibration. [1]
     local_sd : float
         Relative deviation that all numbers of a sensor share: its place, and what the scan lacks there. [1]
+    floor : (number,) float, optional
+        Deviation of a number that does not shrink with the light: whole counts, and light of its neighbours. [unit of
+        the number]
 
     Raises
     ------
@@ -50,6 +53,7 @@ class SensorModel:
     sensor: IntArray
     reading_sd: FloatArray
     local_sd: float = LOCAL_SD
+    floor: FloatArray | None = None
 
     def __post_init__(self) -> None:
         light = float_array(self.light, name="SensorModel.light", shape=(None, None))
@@ -64,6 +68,8 @@ class SensorModel:
         object.__setattr__(self, "sensor", int_array(self.sensor, name="SensorModel.sensor", shape=light.shape[:1]))
         deviation = float_array(self.reading_sd, name="SensorModel.reading_sd", shape=light.shape[:1])
         object.__setattr__(self, "reading_sd", deviation)
+        if self.floor is not None:
+            object.__setattr__(self, "floor", float_array(self.floor, name="SensorModel.floor", shape=light.shape[:1]))
 
     @property
     def numbers(self) -> int:
@@ -89,6 +95,8 @@ class SensorModel:
         floor = FLOOR_SHARE * self.light[chosen].sum(axis=1)
         shared = self.local_sd**2 * np.outer(value, value) * (sensor[:, None] == sensor[None, :])
         own = (self.reading_sd[chosen] * value) ** 2 + floor**2
+        if self.floor is not None:
+            own = own + self.floor[chosen] ** 2
         return np.asarray(shared + np.diag(own), dtype=np.float64)
 
 

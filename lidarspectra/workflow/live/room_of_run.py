@@ -8,6 +8,8 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
+from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS, DEFAULT_SETTINGS, nominal_responsivity
+from lidarspectra.hardware.sensor.calibration_files import calibration_by_label
 from lidarspectra.lamps.lamp_spectra import dark_channels
 from lidarspectra.lamps.lamps import Lamp, is_daylight
 from lidarspectra.mapping.calibration.model import READING_SD
@@ -26,8 +28,10 @@ from lidarspectra.workflow.calibration.light import coefficients, run_room
 from lidarspectra.workflow.calibration.readings import CHANNEL_SD
 from lidarspectra.workflow.calibration.unknowns_of_run import calibrated_covariance
 from lidarspectra.workflow.live.sensors_file import SensorSection, SensorsFile
+from lidarspectra.workflow.live.sources import settings_of_sensor
 from lidarspectra.workflow.run_folder.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
 
+STRAY_SHARE = 3e-3  # [1] of a sensor's strongest channel, that every channel sees of other light
 QUANTITIES = ("illuminance_lx", "melanopic_edi_lx", "ppfd_umol_m2_s")
 
 
@@ -64,8 +68,7 @@ def lit_room(run: Path, sensors: SensorsFile, *, workers: int | None = None, pro
             )
     coefficient = transport["coefficient"].transpose("lamp", "point", "band").to_numpy().astype(np.float64)
     at_sensors = _coefficients_at(run, sensors.sensors, transport, coefficient, workers, progress)
-    named = [(each.name, key) for each in sensors.sensors for key in _keys(each, bands)]
-    numbers, model = sensor_model(sensors.sensors, named, at_sensors, ordered, bands)
+    numbers, model = sensor_model(sensors.sensors, at_sensors, ordered, bands)
     weights = [_weights(light_quantity(name).response, ordered, bands) for name in QUANTITIES]
     counted = np.isin(np.arange(transport.sizes["point"]), kept_points(transport))
     return LitRoom(
@@ -143,19 +146,13 @@ def _keys(sensor: SensorSection, bands: BandSet) -> tuple[str, ...]:
 
 
 def sensor_model(
-    sensors: Sequence[SensorSection],
-    numbers: Sequence[tuple[str, str]],
-    at_sensors: FloatArray,
-    lamps: Sequence[Lamp],
-    bands: BandSet,
+    sensors: Sequence[SensorSection], at_sensors: FloatArray, lamps: Sequence[Lamp], bands: BandSet
 ) -> tuple[tuple[tuple[str, str], ...], SensorModel]:
     """What each number should read by each lamp.
 
     Parameters
     ----------
     sensors : sequence of SensorSection
-    numbers : sequence of (str, str)
-        Sensor, and 'lux' or a channel's label.
     at_sensors : (lamp, sensor, band) float
         Coefficients. [m⁻²]
     lamps : sequence of Lamp
@@ -164,7 +161,7 @@ def sensor_model(
     Returns
     -------
     numbers : tuple of (str, str)
-        Those that tell of the lamps: `dark_channels` are left out.
+        Sensor, and 'lux' or a channel's label, of those that tell of the lamps: `dark_channels` are left out.
     model : SensorModel
         Of these.
 
@@ -173,32 +170,49 @@ def sensor_model(
     MapError
         If no number of a sensor has any light.
     """
-    names = [sensor.name for sensor in sensors]
     fluxes = [lamp.flux for lamp in lamps]
     dark = {label for label, out in zip(bands.labels, dark_channels(fluxes, bands), strict=True) if out}
     flux = np.stack([bands.band_values(each, outside="zero") for each in fluxes])
     lux = _weights(light_quantity("illuminance_lx").response, lamps, bands)
-    lit, rows, of_sensor, deviation = [], [], [], []
-    for name, key in numbers:
-        index = names.index(name)
-        weights = lux if key == "lux" else flux * (np.array(bands.labels) == key)
-        row = np.einsum("lb,lb->l", weights, at_sensors[:, index])
-        if row.sum() > 0 and key not in dark:
-            lit.append((name, key))
-            rows.append(row)
-            of_sensor.append(index)
-            deviation.append(sensors[index].sd or (READING_SD if key == "lux" else CHANNEL_SD))
-    for name in names:
-        keys = [key for of, key in numbers if of == name]
-        if keys and not any(of == name for of, _ in lit):
+    numbers: list[tuple[str, str]] = []
+    rows, of_sensor, deviation, floor = [], [], [], []
+    for index, sensor in enumerate(sensors):
+        light = {
+            key: np.einsum("lb,lb->l", lux if key == "lux" else flux * (np.array(bands.labels) == key), found)
+            for key, found in ((key, at_sensors[:, index]) for key in _keys(sensor, bands))
+        }
+        lit = {key: row for key, row in light.items() if row.sum() > 0 and key not in dark}
+        if not lit:
             raise MapError(
                 expected="a place that some lamp of the run lights",
-                found=f"no light of any lamp in {', '.join(keys)}",
-                where=f"sensor '{name}'",
+                found=f"no light of any lamp in {', '.join(light)}",
+                where=f"sensor '{sensor.name}'",
                 todo="Look at its position and direction, and at the lamps' spectra.",
             )
-    model = SensorModel(light=np.array(rows), sensor=np.array(of_sensor), reading_sd=np.array(deviation))
-    return tuple(lit), model
+        strongest = max((float(row.sum()) for key, row in lit.items() if key != "lux"), default=0.0)
+        for key, row in lit.items():
+            numbers.append((sensor.name, key))
+            rows.append(row)
+            of_sensor.append(index)
+            deviation.append(sensor.sd or (READING_SD if key == "lux" else CHANNEL_SD))
+            floor.append(0.0 if key == "lux" else float(np.hypot(STRAY_SHARE * strongest, _rounding(sensor, key))))
+    model = SensorModel(
+        light=np.array(rows), sensor=np.array(of_sensor), reading_sd=np.array(deviation), floor=np.array(floor)
+    )
+    return tuple(numbers), model
+
+
+def _rounding(sensor: SensorSection, label: str) -> float:
+    """Standard uncertainty of a channel by whole counts [W/m²/nm]; 0 for channels that an AS7265x does not have."""
+    if label not in CHANNEL_LABELS:
+        return 0.0
+    responsivity = nominal_responsivity()[0]
+    if sensor.calibration is not None:
+        calibration = calibration_by_label(sensor.calibration)
+        if calibration.signal == "basic counts":
+            responsivity = float(calibration.responsivity[CHANNEL_LABELS.index(label)])
+    settings = settings_of_sensor(sensor) or DEFAULT_SETTINGS
+    return float(1.0 / np.sqrt(12.0) / (settings.gain * settings.integration_ms * responsivity))
 
 
 def _weights(response: Spectrum, lamps: Sequence[Lamp], bands: BandSet) -> FloatArray:

@@ -90,7 +90,7 @@ def sources_of(
                     where="sensors",
                     todo="Give one of them another name.",
                 )
-            wishes = Wishes(period_s=1.0 / sensor.rate, settings=_settings(sensor))
+            wishes = Wishes(period_s=1.0 / sensor.rate, settings=settings_of_sensor(sensor))
             port = SerialPort(sensor.port)
             found.append(
                 SerialSource(port, sensor=sensor.name, log=log, light=_light(sensor), wishes=wishes, baud=sensor.baud)
@@ -163,11 +163,12 @@ def _broker(section: BrokerSection, run_name: str) -> Broker:
 
 def _light(sensor: SensorSection) -> ChannelLight:
     if sensor.calibration is None:
-        return ChannelLight(settings=_settings(sensor))
-    return ChannelLight(calibration_by_label(sensor.calibration), _settings(sensor))
+        return ChannelLight(settings=settings_of_sensor(sensor))
+    return ChannelLight(calibration_by_label(sensor.calibration), settings_of_sensor(sensor))
 
 
-def _settings(sensor: SensorSection) -> SensorSettings | None:
+def settings_of_sensor(sensor: SensorSection) -> SensorSettings | None:
+    """Gain and integration time that a file of sensors gives an AS7265x; None where it gives neither."""
     if sensor.gain is None and sensor.integration_ms is None:
         return None
     return settings_for(sensor.gain or DEFAULT_SETTINGS.gain, sensor.integration_ms or DEFAULT_SETTINGS.integration_ms)

@@ -7,12 +7,17 @@ import pytest
 from scipy.optimize import minimize
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.errors import ArrayError
-from lidarspectra.mapping.present_light.doubts import suspects
+from lidarspectra.errors import ArrayError, MapError
+from lidarspectra.hardware.sensor.as7265x import DEFAULT_SETTINGS, nominal_responsivity
+from lidarspectra.lamps.make_lamp import make_lamp
+from lidarspectra.mapping.present_light.doubts import STRANGE, suspects
 from lidarspectra.mapping.present_light.model import LampKnowledge, SensorModel
 from lidarspectra.mapping.present_light.states import light_now, solve_states
 from lidarspectra.mapping.present_light.trend import Trend
 from lidarspectra.mapping.present_light.watch import Watch
+from lidarspectra.spectra.spectrum import sensor_bands
+from lidarspectra.workflow.live.room_of_run import _model
+from lidarspectra.workflow.live.sensors_file import SensorSection
 
 LAMPS = ("west", "middle", "east", "window")
 SENSORS = ("a", "b", "c", "d", "e", "f")
@@ -46,6 +51,50 @@ def test_exact_readings_tell_the_states_within_their_deviation(state: list[float
     assert np.all(np.abs(found.state - state) <= found.sd)
     assert found.sd.max() < 0.3  # and the readings told each lamp: the prior is 0.7 or 30
     assert found.probability > 0.5
+
+
+OFFICE = np.array([1.34, 20.4, 26.5, 15.5, 25.9, 33.3, 42.6, 54.1, 56.7, 40.6, 19.9, 10.4, 5.1, 2.08]) * 1e-4
+"""(channel,) spectral irradiance of the office that comes with the package, 410 to 760 nm, below LEDs. [W/m²/nm]"""
+
+
+def office_of(level: float) -> SensorModel:
+    """Two sensors without diffuser or far from two lamps, as `lit_room` has them at the usual gain and time."""
+    sensor = SensorSection(name="a", point=1, port="/dev/null")
+    lamp = make_lamp("bulb", (0, 0, 0), spectrum="LED-B3", luminous_flux_lm=1000.0)
+    bands = sensor_bands("as7265x-14")
+    at = level * OFFICE / bands.band_values(lamp.flux, outside="zero")
+    by_lamp = np.stack([np.outer(share, at) for share in ([0.7, 0.3], [0.3, 0.7])])
+    return _model([sensor, sensor.model_copy(update={"name": "b"})], by_lamp, [lamp, lamp], bands)[1]
+
+
+@pytest.mark.parametrize("level", [1.0, 0.3, 0.1])
+def test_few_counts_make_no_alarm_and_states_as_sure_as_is_said(level: float) -> None:
+    model, generator = office_of(level), np.random.default_rng(0)
+    known = LampKnowledge(flux_sd=np.full(2, 0.1), full=np.ones(2), is_daylight=np.zeros(2, dtype=np.bool_))
+    per_count = 1.0 / (nominal_responsivity()[0] * DEFAULT_SETTINGS.gain * DEFAULT_SETTINGS.integration_ms)
+    strange, off = 0, []
+    for _ in range(100):
+        state = generator.uniform(0.2, 1.0, 2)
+        at_place = 1.0 + 0.03 * generator.standard_normal(2)[model.sensor]
+        light = model.light @ state * at_place * (1.0 + 0.05 * generator.standard_normal(model.numbers))
+        found = solve_states(model, np.rint(light / per_count) * per_count, known.prior(np.full(2, np.nan)))
+        strange += found.probability < STRANGE
+        off.append((found.state - state) / found.sd)
+    assert strange <= 1
+    assert np.mean(np.abs(off) < 1.0) > 0.6  # .68 is meant; without whole counts in the model .26 at a tenth
+
+
+def test_channels_in_which_no_lamp_shines_are_no_numbers() -> None:
+    lamp = make_lamp("bulb", (0, 0, 0), spectrum="LED-B3", luminous_flux_lm=1000.0)
+    bands = sensor_bands("as7265x-14")
+    sensor = SensorSection(name="a", point=1, port="/dev/null")
+    at_sensor = np.ones((1, 1, 14))
+    at_sensor[..., 0] = 0.0
+    numbers, model = _model([sensor], at_sensor, [lamp], bands)
+    assert [label for _, label in numbers] == list(bands.labels[1:])
+    assert model.numbers == len(numbers)
+    with pytest.raises(MapError, match="no light of any lamp"):
+        _model([sensor], np.zeros((1, 1, 14)), [lamp], bands)
 
 
 def test_the_states_minimise_what_they_are_said_to() -> None:
