@@ -78,12 +78,15 @@ class Observations:
     model_error : (number, number) float, optional
         Covariance of the model's own error, over `Priors.local_sd` squared: see `error_covariance`; by default 1
         within a row and 0 between rows. [1]
+    own_sd : (number,) float, optional
+        Relative deviation of each number beside `Priors.reading_sd`: few whole counts; 0 by default. [1]
     """
 
     value: FloatArray
     row: IntArray
     meter: IntArray
     model_error: FloatArray | None = None
+    own_sd: FloatArray | None = None
 
     def __post_init__(self) -> None:
         value = float_array(self.value, name="Observations.value", shape=(None,))
@@ -102,6 +105,8 @@ class Observations:
         error = same if self.model_error is None else self.model_error
         shape = (value.size, value.size)
         object.__setattr__(self, "model_error", float_array(error, name="Observations.model_error", shape=shape))
+        own = np.zeros(value.size) if self.own_sd is None else self.own_sd
+        object.__setattr__(self, "own_sd", float_array(own, name="Observations.own_sd", shape=value.shape))
 
     def without(self, row: int) -> IntArray:
         """Numbers that are of other rows."""
@@ -109,12 +114,13 @@ class Observations:
 
     def some(self, chosen: IntArray) -> "Observations":
         """Some of them."""
-        assert self.model_error is not None  # since it was checked
+        assert self.model_error is not None and self.own_sd is not None  # noqa: PT018 - since they were checked
         return Observations(
             value=self.value[chosen],
             row=self.row[chosen],
             meter=self.meter[chosen],
             model_error=self.model_error[np.ix_(chosen, chosen)],
+            own_sd=self.own_sd[chosen],
         )
 
 
@@ -171,8 +177,8 @@ class Priors:
 
     def noise(self, readings: Observations) -> FloatArray:
         """(number, number) covariance of the readings' logarithms about the model."""
-        assert readings.model_error is not None  # since it was checked
-        own = self.reading_sd**2 * np.eye(readings.value.size)
+        assert readings.model_error is not None and readings.own_sd is not None  # noqa: PT018 - since they were checked
+        own = np.diag(self.reading_sd**2 + readings.own_sd**2)
         return np.asarray(own + self.local_sd**2 * readings.model_error, dtype=np.float64)
 
 

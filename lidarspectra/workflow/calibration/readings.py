@@ -97,6 +97,7 @@ def calibration_readings(
     """
     table = read_readings(path)
     columns: dict[Quantity, FloatArray] = {}
+    own_sd: dict[Quantity, FloatArray] = {}
     lux = lux_column(table)
     if lux is not None:
         columns[LUX] = numbers_of(table, lux, path)
@@ -104,6 +105,7 @@ def calibration_readings(
     if channels:
         light = irradiance_of(table, list(channels.values()), unit, "one" if scale == "none" else scale, path)
         columns |= {index: light[:, place] for place, index in enumerate(channels)}
+        own_sd |= {index: _own_sd(table, name, unit) for index, name in channels.items()}
     if CURRENT_COLUMN in table.columns:
         columns[CURRENT] = _cell_currents(table, path, has_cell)
     if not columns:
@@ -120,21 +122,45 @@ def calibration_readings(
             where=str(path),
             todo="Give --scale one, die or channel: the factor of single sensors is not known.",
         )
-    return _gathered(table, columns, labels, scale, path)
+    return _gathered(table, columns, own_sd, labels, scale, path)
+
+
+def _own_sd(table: pd.DataFrame, name: str, unit: Unit) -> FloatArray:
+    """(reading,) relative deviation of a channel's numbers beside what all of them share: whole counts, mostly.
+
+    Of counts their rounding; of irradiances what the column SE_ has more than at its best known reading.
+    """
+    values = table[name].to_numpy(dtype=np.float64)
+    error_column = f"S{name}"
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if unit == "counts":
+            return np.asarray(np.where(values > 0, 1.0 / np.sqrt(12.0) / values, 0.0))
+        if error_column not in table.columns:
+            return np.zeros(values.size)
+        relative = table[error_column].to_numpy(dtype=np.float64) / np.where(values > 0, values, np.nan)
+    known = np.isfinite(relative)
+    least = float(relative[known].min()) if known.any() else 0.0
+    return np.asarray(np.where(known, np.sqrt(np.maximum(relative**2 - least**2, 0.0)), 0.0))
 
 
 def _gathered(
-    table: pd.DataFrame, columns: dict[Quantity, FloatArray], labels: tuple[str, ...], scale: Scale, path: Path
+    table: pd.DataFrame,
+    columns: dict[Quantity, FloatArray],
+    own_sd: dict[Quantity, FloatArray],
+    labels: tuple[str, ...],
+    scale: Scale,
+    path: Path,
 ) -> Readings:
     normals = _directions(table, path)
     meters, meter_of = _meters(tuple(columns), labels, scale)
-    row, value, quantities, meter = [], [], [], []
+    row, value, quantities, meter, own = [], [], [], [], []
     for quantity, values in columns.items():
         good = np.flatnonzero(np.isfinite(values) & (np.nan_to_num(values) > 0))
         row += good.tolist()
         value += values[good].tolist()
         quantities += [quantity] * good.size
         meter += [meter_of[quantity]] * good.size
+        own += own_sd.get(quantity, np.zeros(values.size))[good].tolist()
     left_out = sum(int(np.isfinite(values).sum() - (np.nan_to_num(values) > 0).sum()) for values in columns.values())
     used = sorted(set(row))
     if not used:
@@ -154,7 +180,9 @@ def _gathered(
         positions=places[used],
         normals=normals[used],
         quantities=tuple(quantities),
-        numbers=Observations(value=np.array(value), row=np.searchsorted(used, row), meter=np.array(meter)),
+        numbers=Observations(
+            value=np.array(value), row=np.searchsorted(used, row), meter=np.array(meter), own_sd=np.array(own)
+        ),
         meters=tuple(name for name, _ in meters),
         meter_sd=np.array([sd for _, sd in meters]),
         notes=(f"{left_out} numbers of 0 or less are left out: a logarithm is fitted.",) if left_out else (),

@@ -382,3 +382,16 @@ def test_a_reading_without_a_place_is_named(tmp_path: Path) -> None:
     path.write_text("x,y,z,lux\n1,1,1,300\n,1,1,200\n", encoding="utf-8")
     with pytest.raises(MapError, match="reading 2"):
         calibration_readings(path, ("560",), unit="W/m2/nm", scale="one", has_cell=False)
+
+
+def test_few_counts_weigh_little(tmp_path: Path) -> None:
+    path = tmp_path / "readings.csv"
+    path.write_text("x,y,z,410,560\n1,1,1,1,400\n2,1,1,100,0\n", encoding="utf-8")
+    numbers = calibration_readings(path, ("410", "560"), unit="counts", scale="channel").numbers
+    assert numbers.own_sd == pytest.approx([12**-0.5, 12**-0.5 / 100, 12**-0.5 / 400])
+    path.write_text("x,y,z,E_410,SE_410\n1,1,1,1e-4,3e-5\n2,1,1,1e-3,5e-5\n3,1,1,2e-3,1e-4\n", encoding="utf-8")
+    numbers = calibration_readings(path, ("410",)).numbers
+    assert numbers.own_sd == pytest.approx([np.sqrt(0.3**2 - 0.05**2), 0.0, 0.0])  # 5 % is the sensor's own
+    priors = Priors(flux_sd=np.ones(1), levels_covariance=np.eye(3))
+    assert np.diag(priors.noise(numbers))[0] > 0.29**2
+    assert np.diag(priors.noise(numbers.some(np.array([1, 2])))) == pytest.approx([2 * 0.03**2] * 2)
