@@ -115,6 +115,8 @@ def simulated_light_at(path: Path, place: tuple[float, float, float]) -> tuple[F
 def read_map(path: Path) -> tuple[FloatArray, FloatArray]:
     """Positions (point, 3) [m] and spectral irradiance (point, 18) [W/m²/nm] of a map table; NaN for absent channels.
 
+    Points inside furniture (`buried`), whose values mean nothing, are left out.
+
     Raises
     ------
     ReadingError
@@ -140,6 +142,14 @@ def read_map(path: Path) -> tuple[FloatArray, FloatArray]:
             where=str(path),
             todo="Give the map table of a run.",
         )
+    if "buried" in table.columns:
+        is_free = (pd.to_numeric(table["buried"], errors="coerce") == 0).to_numpy()
+        if not is_free.any():
+            raise ReadingError(
+                expected="a point that is not buried in furniture", found="none", where=str(path),
+                todo="Give the map of a run whose points stand in the room.",
+            )  # fmt: skip
+        positions, values = positions[is_free], values[is_free]
     return positions, values
 
 

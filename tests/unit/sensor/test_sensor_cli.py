@@ -142,7 +142,8 @@ def test_a_place_far_from_the_map_calibrates_nothing(tmp_path: Path, monkeypatch
     monkeypatch.setenv("LIDARSPECTRA_DATA", str(tmp_path / "data"))
     simulated, log = tmp_path / "map.csv", tmp_path / "log.csv"
     simulated.write_text(
-        "x,y,z," + ",".join(f"E_{label}" for label in CHANNEL_LABELS) + "\n1,1,0.3" + ",0.002" * 18 + "\n",
+        "x,y,z,buried," + ",".join(f"E_{label}" for label in CHANNEL_LABELS) + "\n1,1,0.3,0" + ",0.002" * 18 + "\n"
+        "1,2,0.3,1" + ",0.5" * 18 + "\n",  # inside a cupboard, where a value means nothing
         encoding="utf-8",
     )
     rows = "".join(f"{i},16,165.2," + ",".join(["1000"] * 18) + "\n" for i in range(5))
