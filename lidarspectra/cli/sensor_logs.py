@@ -17,7 +17,7 @@ from lidarspectra.cli.sensor_options import (
     columns_given,
     settings_given,
 )
-from lidarspectra.cli.terminal import print_log_notes, say
+from lidarspectra.cli.terminal import print_log_notes, print_note, say
 from lidarspectra.words import counted
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.photocell import CellCircuit
 
 app = typer.Typer()
+SAME_HEIGHT_M = 0.15  # [m] within which `evaluate` takes a reading for one of a point
 
 
 @app.command()
@@ -129,8 +130,16 @@ def join(
         return
     wanted = read_locations(locations)
     target = measured if measured is not None else out.with_name(f"{out.stem}.measured.csv")
-    count = write_measured(grid_readings(placed, wanted, radius_m=radius), target)
+    gridded = grid_readings(placed, wanted, radius_m=radius)
+    count = write_measured(gridded, target)
     say(f"{target}: {count} of {len(wanted)} locations, E in W/m²/nm by {light.attrs['calibration']}")
+    higher_m = gridded.attrs["heights_apart_m"]
+    if abs(higher_m) > SAME_HEIGHT_M:
+        print_note(
+            f"The readings' places are {abs(higher_m):.2f} m {'above' if higher_m > 0 else 'below'} the locations, "
+            "which are compared on the floor alone. Say at which height the sensor rode (--mount), and give locations "
+            "at it."
+        )
 
 
 @app.command()
@@ -141,17 +150,18 @@ def rehearse(
     seed: int = 0,
 ) -> None:
     """Rehearse a day of measuring with a virtual robot and sensor, in the light of a simulated map."""
+    from lidarspectra.hardware.robot.robot import read_locations
     from lidarspectra.hardware.virtual.robot import rehearse as walk
 
     made = walk(simulated, folder, fault_rate=faults, seed=seed)
-    _say_next(made.log.parent, simulated)
+    _say_next(made.log.parent, simulated, height_m=float(read_locations(simulated)[:, 2].mean()))
     say(
         f"{counted(made.summary.readings, 'reading')}, {counted(made.summary.gaps, 'gap')}, "
         f"{counted(made.summary.lost, 'reading')} known to be lost"
     )
 
 
-def _say_next(folder: Path, simulated: Path) -> None:
+def _say_next(folder: Path, simulated: Path, *, height_m: float) -> None:
     from shlex import join as command
 
     calibrate = [
@@ -160,7 +170,8 @@ def _say_next(folder: Path, simulated: Path) -> None:
     ]
     place = [
         *("lidarspectra", "sensor", "join", str(folder / "log.csv"), "--poses", str(folder / "poses.csv")),
-        *("--align", str(folder / "points.csv"), "--calibration", "rehearsal", "--map", str(simulated)),
+        *("--align", str(folder / "points.csv"), "--mount", "0", "0", f"{height_m:.2f}"),
+        *("--calibration", "rehearsal", "--map", str(simulated)),
         *("--locations", str(simulated), "--measured", str(folder / "measured.csv")),
         *("--out", str(folder / "placed.csv")),
     ]

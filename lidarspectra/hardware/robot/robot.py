@@ -191,7 +191,8 @@ def grid_readings(light: xr.Dataset, locations: ArrayLike, *, radius_m: float | 
     -------
     gridded : xarray.Dataset
         irradiance, irradiance_se (point, channel) [W/m²/nm], NaN where nothing was read; readings (point,) how many;
-        distance (point,) mean distance of those from the location [m]; x, y, z. irradiance_se combines the readings'
+        distance (point,) mean distance of those from the location [m]; x, y, z; the attribute heights_apart_m, by how
+        much the readings are higher than their locations, in the median [m]. irradiance_se combines the readings'
         scatter over √n with their own uncertainty, which is not divided by √n because they share most of it.
 
     Raises
@@ -233,7 +234,11 @@ def grid_readings(light: xr.Dataset, locations: ArrayLike, *, radius_m: float | 
             **{name: ("point", wanted[:, i], {"units": "m"}) for i, name in enumerate(POSITION)},
             "wavelength_nm": ("channel", light["wavelength_nm"].to_numpy()),
         },
-        attrs={**light.attrs, "radius_m": radius},
+        attrs={
+            **light.attrs,
+            "radius_m": radius,
+            "heights_apart_m": float(np.median(places[rows, 2] - wanted[points, 2])),
+        },
     )
 
 

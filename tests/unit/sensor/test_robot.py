@@ -437,6 +437,7 @@ def test_readings_are_gathered_at_176_locations() -> None:
     # readings lie up to 0.15 m from their location, over which this light changes by up to 4 %
     assert np.abs(gridded["irradiance"].to_numpy()[visited] / true - 1.0).max() < 0.05
     assert float(gridded["distance"].max()) <= 0.15
+    assert gridded.attrs["heights_apart_m"] == pytest.approx(0.3 - float(locations()[0, 2]))
 
 
 def test_a_measured_table_has_the_columns_of_a_map(tmp_path: Path) -> None:

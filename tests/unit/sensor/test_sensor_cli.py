@@ -186,10 +186,11 @@ def test_a_log_of_several_sensors_is_shown_sensor_by_sensor_and_drawn(tmp_path: 
 
 
 def test_the_commands_that_a_rehearsal_proposes_can_be_pasted(capsys: pytest.CaptureFixture[str]) -> None:
-    _say_next(Path("a day"), Path("my room.run") / "map.csv")
+    _say_next(Path("a day"), Path("my room.run") / "map.csv", height_m=0.3)
     calibrate, join, _ = (shlex.split(line) for line in capsys.readouterr().out.splitlines())
     assert calibrate[4:6] == ["--lamp", f"{Path('a day', 'lamp-log.csv')}={Path('a day', 'lamp.csv')}"]
     assert join[join.index("--map") + 1] == str(Path("my room.run", "map.csv"))
+    assert join[join.index("--mount") + 1 : join.index("--mount") + 4] == ["0", "0", "0.30"]
 
 
 def test_a_rehearsal_is_not_written_over_another_nor_where_nothing_can_be(tmp_path: Path) -> None:
@@ -203,3 +204,15 @@ def test_a_rehearsal_is_not_written_over_another_nor_where_nothing_can_be(tmp_pa
     assert "without another rehearsal, found dark-log.csv in it" in refused("rehearse", simulated, tmp_path / "day")
     assert [path.name for path in (tmp_path / "day").iterdir()] == ["dark-log.csv"]
     assert "can be written" in refused("rehearse", simulated, simulated)
+
+
+def test_readings_at_another_height_than_the_locations_are_said_to_be(tmp_path: Path) -> None:
+    log, poses, places = tmp_path / "log.csv", tmp_path / "poses.csv", tmp_path / "places.csv"
+    rows = "".join(f"{1.7e9 + i:.0f},16,165.2," + ",".join(["1000"] * 18) + "\n" for i in range(30))
+    log.write_text("unix_s,gain,integration_ms," + ",".join(CHANNEL_LABELS) + "\n" + rows, encoding="utf-8")
+    driven = "".join(f"{1.7e9 + i:.0f},{0.1 * i:.1f},1,0\n" for i in range(30))
+    poses.write_text("unix_s,x,y,yaw\n" + driven, encoding="utf-8")
+    places.write_text("x,y,z\n1,1,0.75\n2,1,0.75\n", encoding="utf-8")
+    given = ("join", log, "--poses", poses, "--offset", 0, "--locations", places, "--out", tmp_path / "placed.csv")
+    assert "0.47 m below the locations" in done(*given, "--mount", 0.05, 0, 0.28)
+    assert "the locations" not in done(*given, "--mount", 0.05, 0, 0.75).replace("of 2 locations", "")
