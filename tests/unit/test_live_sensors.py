@@ -67,7 +67,7 @@ def test_channels_in_which_no_lamp_sends_anything_are_left_out_of_what_a_sensor_
     keys = {key for _, key in numbers}
     assert set(bands.labels) - keys == {"810", "860", "900", "940"}
     assert model.numbers == len(numbers) == len(keys)
-    with pytest.raises(MapError, match="no light of any lamp in 410, 435"):
+    with pytest.raises(MapError, match="no light of any lamp in lux, 410"):
         sensor_model([sensor], np.zeros((1, 1, len(bands))), [lamp], bands)
 
 
