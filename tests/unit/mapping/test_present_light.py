@@ -16,7 +16,7 @@ from lidarspectra.mapping.present_light.states import light_now, solve_states
 from lidarspectra.mapping.present_light.trend import Trend
 from lidarspectra.mapping.present_light.watch import Watch
 from lidarspectra.spectra.spectrum import sensor_bands
-from lidarspectra.workflow.live.room_of_run import _model
+from lidarspectra.workflow.live.room_of_run import sensor_model
 from lidarspectra.workflow.live.sensors_file import SensorSection
 
 LAMPS = ("west", "middle", "east", "window")
@@ -64,7 +64,7 @@ def office_of(level: float) -> SensorModel:
     bands = sensor_bands("as7265x-14")
     at = level * OFFICE / bands.band_values(lamp.flux, outside="zero")
     by_lamp = np.stack([np.outer(share, at) for share in ([0.7, 0.3], [0.3, 0.7])])
-    return _model([sensor, sensor.model_copy(update={"name": "b"})], by_lamp, [lamp, lamp], bands)[1]
+    return sensor_model([sensor, sensor.model_copy(update={"name": "b"})], by_lamp, [lamp, lamp], bands)[1]
 
 
 @pytest.mark.parametrize("level", [1.0, 0.3, 0.1])
@@ -90,11 +90,11 @@ def test_channels_in_which_no_lamp_shines_are_no_numbers() -> None:
     sensor = SensorSection(name="a", point=1, port="/dev/null")
     at_sensor = np.ones((1, 1, 14))
     at_sensor[..., 0] = 0.0
-    numbers, model = _model([sensor], at_sensor, [lamp], bands)
+    numbers, model = sensor_model([sensor], at_sensor, [lamp], bands)
     assert [label for _, label in numbers] == list(bands.labels[1:])
     assert model.numbers == len(numbers)
     with pytest.raises(MapError, match="no light of any lamp"):
-        _model([sensor], np.zeros((1, 1, 14)), [lamp], bands)
+        sensor_model([sensor], np.zeros((1, 1, 14)), [lamp], bands)
 
 
 def test_the_states_minimise_what_they_are_said_to() -> None:
