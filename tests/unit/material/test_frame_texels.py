@@ -1,0 +1,120 @@
+"""What a view of a texel counts beside others: blurred, dark and noisy ones less, and how far the work has come."""
+
+from collections.abc import Sequence
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.hardware.phone.frames import Frame
+from lidarspectra.hardware.phone.texture_atlas import unwrap
+from lidarspectra.material.delighting.tone_curve import ToneCurve
+from lidarspectra.material.frames import texels as combining
+from lidarspectra.material.frames.frame_views import MeshView
+from lidarspectra.material.frames.fusion import VIEWS, Fused
+from lidarspectra.material.frames.gains import Radiometry
+from lidarspectra.material.frames.kept_pictures import KeptPictures
+from lidarspectra.material.frames.texels import Roll, Texels, fuse_frames
+from lidarspectra.progress import Progress, silent
+
+SIZE_PX, FOCAL_PX = (64, 48), 40.0
+STEP = 0.002  # [1] light of a byte over that of the one before
+SEEN = 0.2  # radiance of the wall by some frames, of which others see 2 % more: no more than views always differ
+MORE = 1.02
+
+
+def wall() -> Scan:
+    """1 m by 1 m in the plane z = 0, seen from above."""
+    corners = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
+    return bare_scan(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def frame(shown: float, *, away_m: float = 2.0) -> Frame:
+    """A frame that looks straight at the wall, whose picture shows the same light everywhere."""
+    image = np.full((SIZE_PX[1], SIZE_PX[0], 3), round(shown / STEP), dtype=np.uint8)
+    pose = np.eye(4)
+    pose[2, 3] = away_m
+    return Frame(
+        name="0",
+        camera_to_world=pose,
+        intrinsics=np.array([[FOCAL_PX, 0, SIZE_PX[0] / 2], [0, FOCAL_PX, SIZE_PX[1] / 2], [0, 0, 1]]),
+        size_px=SIZE_PX,
+        read_image=lambda least_px: image,
+        read_depth=lambda: None,
+    )
+
+
+def fused(
+    frames: Sequence[Frame],
+    *,
+    sharpness: Sequence[float] | None = None,
+    gain: Sequence[float] | None = None,
+    progress: Progress = silent,
+) -> Fused:
+    """The wall by some frames, all equally sharp and of gain 1 if nothing else is said."""
+    scan, count = wall(), len(frames)
+    texels = Texels.of(scan, unwrap(scan.vertices, scan.faces, scan.normals, 64))
+    radiometry = Radiometry(
+        tone=ToneCurve(), shoulder_deviation=0.1, power_deviation=0.1,
+        log_gain=np.repeat(np.log(np.ones(count) if gain is None else gain)[:, None], 3, axis=1),
+        deviation=np.zeros(count), vignetting=np.zeros(2), before=0.0, after=0.0,
+    )  # fmt: skip
+    table = np.repeat(STEP * np.arange(256.0)[:, None], 3, axis=1)
+    with closing(KeptPictures(frames, table, silent)) as pictures:
+        sharp = np.ones(count) if sharpness is None else np.array(sharpness)
+        roll = Roll(frames=tuple(frames), sharpness=sharp, radiometry=radiometry, pictures=pictures)
+        return fuse_frames(texels, MeshView(RayCaster(scan)), roll, progress)
+
+
+def say_of_more(found: Fused) -> float:
+    """How far the wall's radiance is from what some frames saw to what the others saw [0-1]."""
+    return float(np.median(np.log(found.light / SEEN)) / np.log(MORE))
+
+
+def test_two_frames_that_are_alike_have_an_equal_say() -> None:
+    assert say_of_more(fused([frame(SEEN), frame(MORE * SEEN)])) == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_frame_from_four_metres_has_a_quarter_of_the_say_of_one_from_a_metre() -> None:
+    found = fused([frame(SEEN, away_m=1.0), frame(MORE * SEEN, away_m=4.0)])
+    assert 0.12 < say_of_more(found) < 1 / 5 + 0.01  # the robust mean stands nearer to those that say more
+
+
+def test_a_frame_half_as_sharp_as_its_neighbour_has_an_eighth_of_its_say() -> None:
+    found = fused([frame(SEEN), frame(MORE * SEEN)], sharpness=[1.0, 0.5])
+    assert 0.05 < say_of_more(found) < 1 / 9 + 0.01  # the robust mean stands nearer to those that say more
+
+
+def test_frames_of_an_even_wall_are_not_taken_for_blurred_beside_frames_of_a_bookshelf() -> None:
+    """Sharpness is held against that of the frames before and after, which show about the same."""
+    shelf, even = [frame(SEEN)] * 5, [frame(MORE * SEEN)] * 5
+    found = fused([*shelf, *even], sharpness=[*[0.5] * 5, *[0.01] * 5])
+    assert say_of_more(found) == pytest.approx(0.5, abs=0.02)
+
+
+def test_dark_frames_from_a_little_nearer_do_not_displace_the_well_exposed_ones() -> None:
+    """Half a byte is a quarter of what they show, so that a dozen of them tell less than three others."""
+    dark = [frame(0.002, away_m=1.8)] * (VIEWS + 2)
+    exposed = [frame(SEEN)] * 3
+    found = fused([*exposed, *dark], gain=[*[1.0] * 3, *[0.02] * len(dark)])
+    assert found.light == pytest.approx(SEEN, rel=0.01)
+
+
+def test_a_frame_of_low_gain_has_no_say_beside_one_that_was_exposed_for_the_wall() -> None:
+    """Its noise near black is that of any frame, which is thirty times as much of the light that came from the wall."""
+    found = fused([frame(MORE * SEEN), frame(0.006)], gain=[1.0, 0.006 / SEEN])
+    assert say_of_more(found) == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_work_is_told_from_nothing_to_the_last_frame_of_the_last_tile(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[float] = []
+    frames = [frame(SEEN)] * 4
+    fused(frames, progress=lambda share, what: told.append(share))
+    assert told == pytest.approx([0.0, 0.25, 0.5, 0.75])
+    told.clear()
+    texels = len(fused(frames).views)
+    monkeypatch.setattr(combining, "TILE_TEXELS", texels // 2 - 1)  # two tiles, and a third of the two or three left
+    fused(frames, progress=lambda share, what: told.append(share))
+    assert told == pytest.approx(np.arange(12) / 12)
