@@ -1,7 +1,8 @@
 """Frames of 3D Scanner App, its export "All data": `frame_N.jpg`, `frame_N.json`, `depth_N.png`, `conf_N.png`.
 
 The pose is ARKit's (`cameraPoseARFrame`, row-major, camera to world, y up, looking along -z), the mesh `export.obj` in
-the same axes. `exposureDuration` is exported, the ISO is not, so that the exposure is not known.
+the same axes. Poses, depth and confidence are exported many times a second, pictures for every sixth of them or so.
+`exposureDuration` is exported, the ISO is not, so that the exposure is not known.
 """
 
 import re
@@ -22,12 +23,15 @@ from lidarspectra.hardware.phone.raw_mesh import RawMesh
 
 APP = "3D Scanner App"
 MESHES = ("export.obj", "textured_output.obj")  # the first that there is; both in the axes of the poses
-_FRAME = re.compile(r"frame_(\d+)\.(?:json|jpg)")
+_POSE, _PICTURE = re.compile(r"frame_(\d+)\.json"), re.compile(r"frame_(\d+)\.jpg")
+_BETWEEN = (
+    "Of the {poses} poses that the app exported, {pictures} have a picture, as it keeps one of several: these are used."
+)
 
 
 def is_3dscanner(files: CaptureFiles) -> bool:
     """Whether a folder has this app's layout."""
-    return any(_FRAME.fullmatch(name) and name.endswith(".json") for name in files.names)
+    return any(_POSE.fullmatch(name) for name in files.names)
 
 
 def read_3dscanner(files: CaptureFiles) -> Capture:
@@ -46,9 +50,16 @@ def read_3dscanner(files: CaptureFiles) -> Capture:
     ScanError
         If the mesh is damaged.
     """
-    numbers = {match[1] for name in files.names if (match := _FRAME.fullmatch(name))}
-    frames, left_out = gathered(sorted(numbers, key=int), lambda number: _frame(files, number))
-    return Capture(app=APP, where=files.where, frames=frames, left_out=left_out, mesh=_mesh(files))
+    posed, pictured = _numbers(files, _POSE), _numbers(files, _PICTURE)
+    # A pose without a picture is none that is lost, but one between two pictures; if there are none at all, all are.
+    frames, left_out = gathered(sorted(pictured or posed, key=int), lambda number: _frame(files, number))
+    between = len(posed - pictured) if pictured else 0
+    notes = (_BETWEEN.format(poses=len(posed), pictures=len(posed) - between),) if between else ()
+    return Capture(app=APP, where=files.where, frames=frames, left_out=left_out, mesh=_mesh(files), notes=notes)
+
+
+def _numbers(files: CaptureFiles, pattern: re.Pattern[str]) -> set[str]:
+    return {match[1] for name in files.names if (match := pattern.fullmatch(name))}
 
 
 def _frame(files: CaptureFiles, number: str) -> Frame:

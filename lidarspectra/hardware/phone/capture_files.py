@@ -15,8 +15,10 @@ from typing import IO, Any
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.frames import FrameFault
 from lidarspectra.hardware.phone.raw_mesh import MAX_FILE_BYTES, FileFolder, read_bytes
+from lidarspectra.io.files import is_of_file_manager
 
 ARCHIVE_SUFFIXES = (".zip", ".r3d")
+FOLDER_OF_FINDER = "__MACOSX"  # of an archive that was packed on a Mac: attributes under the names of its files
 MAX_FILES = 200_000  # a scan of an hour has 60,000
 MAX_FOLDERS_DEEP = 6  # apps' layouts have at most three, and archives often one more around them
 MAX_SMALL_BYTES = 64 * 1024**2  # [byte] of one picture, pose or depth
@@ -90,7 +92,7 @@ class CaptureFiles:
     path : Path
         The folder or archive.
     names : frozenset of str
-        Of all files below `base`, with forward slashes.
+        Of all files below `base`, with forward slashes, without those that a file manager left.
     base : str
         Folder inside `path` where the app's layout begins; empty or ending in a slash.
     archive : Archive or None
@@ -196,7 +198,8 @@ def open_capture(path: Path) -> CaptureFiles:
             expected=f"at most {MAX_FILES} files", found=f"{len(names)}", where=path.name,
             todo="Give the folder of one scan.",
         )  # fmt: skip
-    return CaptureFiles(path=path, names=names, archive=archive)
+    own = frozenset(name for name in names if not (is_of_file_manager(name) or FOLDER_OF_FINDER in name.split("/")))
+    return CaptureFiles(path=path, names=own, archive=archive)
 
 
 def _names_in_folder(path: Path) -> frozenset[str]:

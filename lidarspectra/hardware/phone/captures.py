@@ -13,7 +13,7 @@ from lidarspectra.hardware.phone.capture_files import ARCHIVE_SUFFIXES, CaptureF
 from lidarspectra.hardware.phone.capture_polycam import is_polycam, read_polycam
 from lidarspectra.hardware.phone.capture_record3d import is_record3d, read_record3d
 from lidarspectra.hardware.phone.capture_stray import is_stray, read_stray
-from lidarspectra.hardware.phone.frames import Capture, key_frames, without_jumps
+from lidarspectra.hardware.phone.frames import MAX_NAMED, Capture, key_frames, without_jumps
 from lidarspectra.hardware.phone.raw_mesh import FORMATS
 
 APPS: tuple[tuple[Callable[[CaptureFiles], bool], Callable[[CaptureFiles], Capture]], ...] = (
@@ -63,22 +63,51 @@ def read_capture(path: Path) -> Capture:
 
 
 def _read(files: CaptureFiles) -> Capture:
-    for base in _bases(files):
-        inside = files.below(base)
-        for is_layout, read in APPS:
-            if is_layout(inside):
-                return _checked(read(inside))
-    kind = "folder" if files.archive is None else "archive"
-    meshes = sorted(name for name in files.names if name.lower().endswith(FORMATS) and not name.startswith("__MACOSX"))
+    scans = _scans(files)
+    if not scans:
+        raise _no_scan(files)
+    if len(scans) > 1:
+        raise _several_scans(files, [*scans])
+    ((base, read),) = scans.items()
+    return _checked(read(files.below(base)))
+
+
+def _no_scan(files: CaptureFiles) -> ScanError:
+    kind = "a folder" if files.archive is None else "an archive"
+    meshes = sorted(name for name in files.names if name.lower().endswith(FORMATS))
     todo = "Export the app's raw data, or give the mesh's file itself (GLB is best)."
     if meshes:  # apps pack an OBJ with its picture
         todo = f"It holds a mesh: {'give' if files.archive is None else 'unpack it all, and give'} {meshes[0]} itself."
-    raise ScanError(
+    return ScanError(
         expected=f"raw data of an app ({LAYOUTS})",
-        found=f"{'an' if kind == 'archive' else 'a'} {kind} in no such layout (files: {len(files.names)})",
+        found=f"{kind} in no such layout (files: {len(files.names)})",
         where=str(files.path),
         todo=todo,
     )
+
+
+def _several_scans(files: CaptureFiles, bases: list[str]) -> ScanError:
+    """Of several, the first by name would be taken for the room that is meant."""
+    named = ", ".join(base.rstrip("/") for base in bases[:MAX_NAMED]) + (", ..." if len(bases) > MAX_NAMED else "")
+    return ScanError(
+        expected="raw data of one scan",
+        found=f"that of {len(bases)}: {named}",
+        where=str(files.path),
+        todo=f"{'Give' if files.archive is None else 'Unpack it, and give'} the folder of one of them.",
+    )
+
+
+def _scans(files: CaptureFiles) -> dict[str, Callable[[CaptureFiles], Capture]]:
+    """Folders in which a layout begins, with its reader; what lies in the folder of a scan belongs to that scan."""
+    scans: dict[str, Callable[[CaptureFiles], Capture]] = {}
+    for base in _bases(files):
+        if base.startswith(tuple(scans)):
+            continue
+        inside = files.below(base)
+        read = next((read for is_layout, read in APPS if is_layout(inside)), None)
+        if read is not None:
+            scans[base] = read
+    return scans
 
 
 def _bases(files: CaptureFiles) -> list[str]:
@@ -87,7 +116,7 @@ def _bases(files: CaptureFiles) -> list[str]:
     for name in files.names:
         parts = name.split("/")[:-1]
         bases |= {"/".join(parts[: count + 1]) + "/" for count in range(min(len(parts), 2))}
-    return sorted((each for each in bases if not each.startswith("__MACOSX")), key=lambda each: (each.count("/"), each))
+    return sorted(bases, key=lambda each: (each.count("/"), each))
 
 
 def _checked(capture: Capture) -> Capture:
