@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import struct
 import sys
 import tempfile
 import zipfile
@@ -149,6 +150,24 @@ def test_frames_of_a_video_are_found_in_any_order(shots: list[Shot], tmp_path: P
     capture = read_capture(folder)
     for number in (7, 3, 3, 20, 0):
         assert capture.frames[number].read_image(1000).mean() == pytest.approx(levels[number], abs=4)
+    capture.close()
+
+
+def test_a_video_that_is_to_be_shown_upright_is_read_as_it_is_stored(
+    stray: Path, shots: list[Shot], tmp_path: Path
+) -> None:
+    """Poses and intrinsics are those of the stored picture; earlier versions of the app turned it by its header."""
+    folder = Path(shutil.copytree(stray, tmp_path / "stray"))
+    video = bytearray((folder / "rgb.mp4").read_bytes())
+    header = video.index(b"tkhd") + 4  # ISO 14496-12, 8.3.2: version 0, whose matrix lies 40 bytes further
+    assert video[header] == 0
+    one = 1 << 16
+    video[header + 40 : header + 76] = struct.pack(">9i", 0, one, 0, -one, 0, 0, 0, 0, 1 << 30)
+    (folder / "rgb.mp4").write_bytes(video)
+    capture = read_capture(folder)
+    assert len(capture.frames) == len(shots)
+    assert capture.frames[0].size_px == SIZE_PX
+    assert capture.frames[0].read_image(1000).shape == (SIZE_PX[1], SIZE_PX[0], 3)
     capture.close()
 
 
