@@ -5,8 +5,10 @@ pass; one that lies before the last begins anew.
 """
 
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
+from weakref import finalize
 
 import cv2
 import numpy as np
@@ -22,15 +24,14 @@ MP4_TYPE = b"ftyp"  # of an MP4's first box: FFmpeg goes by content, and a list 
 
 
 class Video:
-    """A video file.
+    """A video file; a frame that is read after `close` opens it again.
 
     Parameters
     ----------
-    path : Path
+    path : Path or callable
+        The file; or what copies it out of an archive and says where to, to be removed by `close`.
     where : str
         For errors.
-    copied : bool
-        Whether the file is a copy that `close` removes.
 
     Raises
     ------
@@ -38,11 +39,13 @@ class Video:
         If it is no video that can be decoded.
     """
 
-    def __init__(self, path: Path, where: str, *, copied: bool = False) -> None:
-        self._path, self._copied, self._lock = path, copied, Lock()
+    def __init__(self, path: Path | Callable[[], Path], where: str) -> None:
+        self._copy = None if isinstance(path, Path) else path
+        self._path = path if isinstance(path, Path) else self._copied(path)
+        self._lock = Lock()
         self._open: cv2.VideoCapture | None = None
         self._next = 0
-        with path.open("rb") as stream:
+        with self._path.open("rb") as stream:
             kind = stream.read(8)[4:]
         try:
             capture = self._begin() if kind == MP4_TYPE else None
@@ -97,10 +100,21 @@ class Video:
             if self._open is not None:
                 self._open.release()
                 self._open = None
-            if self._copied:
-                self._path.unlink(missing_ok=True)
+            if self._copy is not None:
+                self._remove()
+
+    def _copied(self, copy: Callable[[], Path]) -> Path:
+        """A new copy, which is gone with this record at the latest: where a scan is refused, nobody closes it."""
+        path = copy()
+        self._remove = finalize(self, path.unlink, missing_ok=True)
+        return path
 
     def _begin(self) -> cv2.VideoCapture:
+        if self._copy is not None and not self._path.exists():
+            try:
+                self._path = self._copied(self._copy)
+            except ScanError as cause:
+                raise FrameFault("its video is missing or cannot be read") from cause
         try:
             capture = cv2.VideoCapture(str(self._path.resolve()), cv2.CAP_FFMPEG)
         except cv2.error as cause:
@@ -148,14 +162,18 @@ def open_video(files: CaptureFiles, name: str) -> Video:
     ScanError
         If it is damaged or too large.
     """
-    where = f"{files.where}/{name}"
-    if files.archive is None:
-        return Video(files.path / (files.base + name), where)
-    with tempfile.NamedTemporaryFile(suffix=".mp4", delete=False) as stream:
-        copy = Path(stream.name)
-        try:
-            files.archive.copy(files.base + name, stream, limit=MAX_VIDEO_BYTES)
-        except ScanError:
-            copy.unlink()
-            raise
-    return Video(copy, where, copied=True)
+    where, inside, archive = f"{files.where}/{name}", files.base + name, files.archive
+    if archive is None:
+        return Video(files.path / inside, where)
+
+    def copy() -> Path:
+        with tempfile.NamedTemporaryFile(suffix=".mp4", delete=False) as stream:
+            path = Path(stream.name)
+            try:
+                archive.copy(inside, stream, limit=MAX_VIDEO_BYTES)
+            except ScanError:
+                path.unlink()
+                raise
+        return path
+
+    return Video(copy, where)

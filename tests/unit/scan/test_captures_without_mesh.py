@@ -1,5 +1,6 @@
 """Recordings of apps that export no mesh: their frames are read, and a mesh is made of the depth."""
 
+import gc
 import json
 import shutil
 import struct
@@ -153,6 +154,19 @@ def test_frames_of_a_video_are_found_in_any_order(shots: list[Shot], tmp_path: P
     capture.close()
 
 
+def test_a_video_of_an_archive_is_looked_at_again_after_it_was_closed(stray: Path, tmp_path: Path) -> None:
+    """As mirrors and glass are looked for in frames whose colours were taken before."""
+    archive = Path(shutil.make_archive(str(tmp_path / "stray"), "zip", stray))
+    capture = read_capture(archive)
+    first = capture.frames[5].read_image(1000)
+    capture.close()
+    assert np.array_equal(capture.frames[5].read_image(1000), first)
+    capture.close()
+    archive.unlink()
+    with pytest.raises(FrameFault, match="video is missing"):
+        capture.frames[5].read_image(1000)
+
+
 def test_a_video_that_is_to_be_shown_upright_is_read_as_it_is_stored(
     stray: Path, shots: list[Shot], tmp_path: Path
 ) -> None:
@@ -227,11 +241,28 @@ def test_a_video_in_an_archive_is_copied_out_within_a_limit_and_leaves_nothing(
     monkeypatch.setattr(tempfile, "tempdir", str(scratch))
     capture = read_capture(archive)
     assert len(list(scratch.glob("*.mp4"))) == 1
+    for _ in range(2):
+        capture.close()
+        assert not list(scratch.iterdir())
+        assert capture.frames[0].read_image(1000) is not None
+        assert len(list(scratch.glob("*.mp4"))) == 1
     capture.close()
-    assert not list(scratch.iterdir())
     monkeypatch.setattr("lidarspectra.hardware.phone.video.MAX_VIDEO_BYTES", 100)
     with pytest.raises(ScanError, match="at most 100 bytes"):
         read_capture(archive)
+    assert not list(scratch.iterdir())
+
+
+def test_a_recording_that_is_refused_leaves_no_copy_of_its_video(
+    stray: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    archive = Path(shutil.make_archive(str(tmp_path / "stray"), "zip", stray))
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
+    with pytest.raises(ScanError, match="a room between"):
+        read_scan_and_frames(archive, unit="mm")
+    gc.collect()
     assert not list(scratch.iterdir())
 
 
