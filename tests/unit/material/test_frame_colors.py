@@ -100,8 +100,22 @@ def box() -> Box:
 
 
 @pytest.fixture(scope="module")
-def colors(box: Box) -> FrameColors:
-    return color_from_frames(box.scan, box.frames, texel_m=0.05)
+def told() -> list[float]:
+    """What is told of the work's progress."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def colors(box: Box, told: list[float]) -> FrameColors:
+    return color_from_frames(box.scan, box.frames, texel_m=0.05, progress=lambda share, what: told.append(share))
+
+
+def test_the_work_goes_forward_from_its_beginning_to_its_end(colors: FrameColors, told: list[float]) -> None:
+    assert colors.frames
+    assert told[0] == 0.0
+    assert (np.diff(told) >= -1e-12).all()  # of sums of floats
+    assert 0.9 < told[-1] <= 1.0
+    assert np.diff(told).max() < 0.15  # no step of the work is without a word for long
 
 
 def test_the_radiance_of_surfaces_comes_back_up_to_one_factor_a_channel(box: Box, colors: FrameColors) -> None:

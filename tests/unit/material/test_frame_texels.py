@@ -2,21 +2,24 @@
 
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from lidarspectra.arrays import FloatArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.hardware.phone.frames import Frame
 from lidarspectra.hardware.phone.texture_atlas import unwrap
 from lidarspectra.material.delighting.tone_curve import ToneCurve
 from lidarspectra.material.frames import texels as combining
-from lidarspectra.material.frames.frame_views import MeshView
+from lidarspectra.material.frames.frame_views import MeshView, linear_table
 from lidarspectra.material.frames.fusion import VIEWS, Fused
 from lidarspectra.material.frames.gains import Radiometry
 from lidarspectra.material.frames.kept_pictures import KeptPictures
-from lidarspectra.material.frames.texels import Roll, Texels, fuse_frames
+from lidarspectra.material.frames.texels import Roll, Texels, fuse_frames, mend_poses
 from lidarspectra.progress import Progress, silent
 
 SIZE_PX, FOCAL_PX = (64, 48), 40.0
@@ -46,22 +49,29 @@ def frame(shown: float, *, away_m: float = 2.0) -> Frame:
     )
 
 
+def radiometry_of(gain: Sequence[float], vignetting: tuple[float, float] = (0.0, 0.0)) -> Radiometry:
+    """A straight camera of some gains."""
+    return Radiometry(
+        tone=ToneCurve(), shoulder_deviation=0.1, power_deviation=0.1,
+        log_gain=np.repeat(np.log(gain)[:, None], 3, axis=1), deviation=np.zeros(len(gain)),
+        vignetting=np.array(vignetting), before=0.0, after=0.0,
+    )  # fmt: skip
+
+
 def fused(
     frames: Sequence[Frame],
     *,
     sharpness: Sequence[float] | None = None,
     gain: Sequence[float] | None = None,
+    table: FloatArray | None = None,
     progress: Progress = silent,
 ) -> Fused:
     """The wall by some frames, all equally sharp and of gain 1 if nothing else is said."""
     scan, count = wall(), len(frames)
     texels = Texels.of(scan, unwrap(scan.vertices, scan.faces, scan.normals, 64))
-    radiometry = Radiometry(
-        tone=ToneCurve(), shoulder_deviation=0.1, power_deviation=0.1,
-        log_gain=np.repeat(np.log(np.ones(count) if gain is None else gain)[:, None], 3, axis=1),
-        deviation=np.zeros(count), vignetting=np.zeros(2), before=0.0, after=0.0,
-    )  # fmt: skip
-    table = np.repeat(STEP * np.arange(256.0)[:, None], 3, axis=1)
+    radiometry = radiometry_of(np.ones(count).tolist() if gain is None else gain)
+    if table is None:
+        table = np.repeat(STEP * np.arange(256.0)[:, None], 3, axis=1)
     with closing(KeptPictures(frames, table, silent)) as pictures:
         sharp = np.ones(count) if sharpness is None else np.array(sharpness)
         roll = Roll(frames=tuple(frames), sharpness=sharp, radiometry=radiometry, pictures=pictures)
@@ -106,6 +116,79 @@ def test_a_frame_of_low_gain_has_no_say_beside_one_that_was_exposed_for_the_wall
     """Its noise near black is that of any frame, which is thirty times as much of the light that came from the wall."""
     found = fused([frame(MORE * SEEN), frame(0.006)], gain=[1.0, 0.006 / SEEN])
     assert say_of_more(found) == pytest.approx(1.0, abs=0.05)
+
+
+def test_only_the_channels_that_are_at_white_are_cut() -> None:
+    """Of a yellow wall in the sun red is at least white; green and blue are what they are, and it is no lamp."""
+    image = np.full((SIZE_PX[1], SIZE_PX[0], 3), (255, 188, 99), dtype=np.uint8)
+    found = fused([replace(frame(SEEN), read_image=lambda least_px: image)], table=linear_table())
+    assert (found.cut == [True, False, False]).all()
+    assert found.light == pytest.approx(np.broadcast_to(linear_table()[[255, 188, 99], 0], (len(found.views), 3)))
+    assert not found.white.any()
+
+
+def tiles(points: FloatArray) -> FloatArray:
+    """(point,) radiance of a papered wall: a fall towards the corners that is wrong hides its edges."""
+    return np.asarray(0.2 + 0.02 * np.sign(np.sin(31.0 * points[:, 0]) * np.sin(29.0 * points[:, 1])))
+
+
+def shot_of_tiles(pose: FloatArray, gain: float, radiometry: Radiometry) -> Frame:
+    """A frame of the wall in tiles, as a pose and a gain show it."""
+    size, focal = (480, 360), 800.0
+    columns, rows = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
+    x, y = (columns - size[0] / 2) / focal, -(rows - size[1] / 2) / focal
+    ways = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3) @ pose[:3, :3].T
+    points = pose[:3, 3] - ways * (pose[2, 3] / ways[:, 2])[:, None]
+    radius2 = ((columns - size[0] / 2) ** 2 + (rows - size[1] / 2) ** 2) / (0.25 * (size[0] ** 2 + size[1] ** 2))
+    light = gain * radiometry.fall(radius2) * tiles(points).reshape(size[::-1])
+    image = np.repeat(np.rint(light / STEP)[:, :, None], 3, axis=2).astype(np.uint8)
+    return Frame(
+        name="0",
+        camera_to_world=pose,
+        intrinsics=np.array([[focal, 0, size[0] / 2], [0, focal, size[1] / 2], [0, 0, 1]]),
+        size_px=size,
+        read_image=lambda least_px: image,
+        read_depth=lambda: None,
+    )
+
+
+@pytest.mark.parametrize(("gain", "vignetting"), [(0.35, (0.0, 0.0)), (1.4, (-0.5, -0.2))])
+def test_a_pose_is_mended_whatever_the_exposure_and_the_lens(gain: float, vignetting: tuple[float, float]) -> None:
+    """What a frame shows is held against the radiance of the wall with its gain and its dark corners taken out."""
+    scan = wall()
+    texels = Texels.of(scan, unwrap(scan.vertices, scan.faces, scan.normals, 512))
+    count = len(texels.face)
+    light = np.repeat(tiles(texels.points(slice(None)))[:, None], 3, axis=1).astype(np.float32)
+    known = Fused(
+        light=light, deviation=np.full(count, 0.05, dtype=np.float32), views=np.full(count, 3, dtype=np.uint8),
+        cut=np.zeros((count, 3), dtype=np.bool_),
+    )  # fmt: skip
+    radiometry = radiometry_of([gain], vignetting)
+    true = np.eye(4)
+    true[:3, 3] = (0.05, 0.02, 1.6)
+    told = true.copy()
+    told[:3, :3] = Rotation.from_euler("xyz", (0.3, -0.4, 0.2), degrees=True).as_matrix()
+    frame = replace(shot_of_tiles(true, gain, radiometry), camera_to_world=told)
+    table = np.repeat(STEP * np.arange(256.0)[:, None], 3, axis=1)
+    shares: list[float] = []
+    with closing(KeptPictures([frame], table, silent)) as pictures:
+        roll = Roll(frames=(frame,), sharpness=np.ones(1), radiometry=radiometry, pictures=pictures)
+        view = MeshView(RayCaster(scan))
+        mended = mend_poses(texels, view, roll, known, lambda share, what: shares.append(share)).frames[0]
+    points = texels.points(slice(None))
+    before, after = (beside_px(each.camera_to_world, true, points) for each in (frame, mended))
+    assert before > 5.0
+    assert after < 0.5  # a texel is 2 mm, which is 1 px
+    assert shares == [0.0]
+
+
+def beside_px(pose: FloatArray, true: FloatArray, points: FloatArray) -> float:
+    """Root mean square distance of points' images at two poses; a shift along a wall looks much like a turn."""
+    images = []
+    for each in (pose, true):
+        near = (points - each[:3, 3]) @ each[:3, :3]
+        images.append(800.0 * near[:, :2] / -near[:, 2:])
+    return float(np.sqrt(((images[0] - images[1]) ** 2).sum(axis=1).mean()))
 
 
 def test_the_work_is_told_from_nothing_to_the_last_frame_of_the_last_tile(monkeypatch: pytest.MonkeyPatch) -> None:
