@@ -19,6 +19,8 @@ from lidarspectra.io.scratch import ScratchFile
 from lidarspectra.material.frames.frame_views import (
     CLIPPED_BYTE,
     DARK,
+    FARTHEST_M,
+    NEAREST_M,
     MeshView,
     linear_table,
     radius2_of,
@@ -199,12 +201,12 @@ class _Shown:
         self._depths = [scratch.keep(view.depth(frame)) for frame in roll.frames]
         self._white = float(roll.radiometry.tone.light(linear_table())[CLIPPED_BYTE].max())
         self._sharpness = _relative_sharpness(roll.sharpness)
-        self._reach_m = float(np.sqrt(scan.areas.max())) * 2.0
+        self._reach_m = np.linalg.norm(scan.corners - scan.centers[:, None], axis=2).max(axis=1)
 
     def of_tile(self, tile: Tile, number: int) -> _Views | None:
         """What a frame shows of a tile; None of one that it does not look at, or if it is damaged."""
         frame, radiometry, normals = self._roll.frames[number], self._roll.radiometry, self._scan.normals[tile.faces]
-        may_show = _may_show(frame, self._scan.centers[tile.faces], normals, self._reach_m)
+        may_show = _may_show(frame, self._scan.centers[tile.faces], normals, self._reach_m[tile.faces])
         some = np.flatnonzero(may_show[tile.face])
         picture = self._roll.pictures[number] if some.size else None
         if picture is None:
@@ -265,16 +267,20 @@ def mend_poses(texels: Texels, view: MeshView, roll: Roll, fused: Fused, progres
     return replace(roll, frames=tuple(frames))
 
 
-def _may_show(frame: Frame, centers: FloatArray, normals: FloatArray, reach_m: float) -> BoolArray:
-    """(face,) faces that look at the camera and lie before it, within its field of view or `reach_m` beside it."""
+def _may_show(frame: Frame, centers: FloatArray, normals: FloatArray, reach_m: FloatArray) -> BoolArray:
+    """(face,) faces that look at the camera and have a part before it within its field of view.
+
+    Of a face whose corners lie `reach_m` from its centre, none is further out of the picture than its centre is, or
+    further before the camera, by more than that.
+    """
     relative = (centers - frame.position) @ frame.camera_to_world[:3, :3]
-    depth = -relative[:, 2]
+    nearest, farthest = -relative[:, 2] - reach_m, -relative[:, 2] + reach_m
     matrix, (width, height) = frame.intrinsics, frame.size_px
     half = np.array([max(matrix[0, 2], width - matrix[0, 2]), max(matrix[1, 2], height - matrix[1, 2])])
     slope = half / np.array([matrix[0, 0], matrix[1, 1]])
-    inside = (np.abs(relative[:, :2]) < slope * np.maximum(depth, 0.0)[:, None] + 2.0 * reach_m).all(axis=1)
-    facing = np.einsum("nc,nc->n", frame.position - centers, normals) > -reach_m
-    return np.asarray(inside & facing & (depth > -reach_m), dtype=np.bool_)
+    inside = (np.abs(relative[:, :2]) - reach_m[:, None] < slope * farthest[:, None]).all(axis=1)
+    facing = np.einsum("nc,nc->n", frame.position - centers, normals) > 0
+    return np.asarray(inside & facing & (farthest > NEAREST_M) & (nearest < FARTHEST_M), dtype=np.bool_)
 
 
 def _relative_sharpness(sharpness: FloatArray) -> FloatArray:

@@ -15,7 +15,7 @@ from lidarspectra.hardware.phone.frames import Frame
 from lidarspectra.hardware.phone.texture_atlas import unwrap
 from lidarspectra.material.delighting.tone_curve import ToneCurve
 from lidarspectra.material.frames import texels as combining
-from lidarspectra.material.frames.frame_views import MeshView, linear_table
+from lidarspectra.material.frames.frame_views import BORDER, MeshView, linear_table
 from lidarspectra.material.frames.fusion import VIEWS, Fused
 from lidarspectra.material.frames.gains import Radiometry
 from lidarspectra.material.frames.kept_pictures import KeptPictures
@@ -28,9 +28,9 @@ SEEN = 0.2  # radiance of the wall by some frames, of which others see 2 % more:
 MORE = 1.02
 
 
-def wall() -> Scan:
-    """1 m by 1 m in the plane z = 0, seen from above."""
-    corners = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
+def wall(x_m: tuple[float, float] = (-0.5, 0.5), y_m: tuple[float, float] = (-0.5, 0.5)) -> Scan:
+    """Two triangles in the plane z = 0, seen from above."""
+    corners = np.array([[x_m[0], y_m[0], 0], [x_m[1], y_m[0], 0], [x_m[1], y_m[1], 0], [x_m[0], y_m[1], 0]])
     return bare_scan(corners, np.array([[0, 1, 2], [0, 2, 3]]))
 
 
@@ -63,13 +63,16 @@ def fused(
     *,
     sharpness: Sequence[float] | None = None,
     gain: Sequence[float] | None = None,
+    vignetting: tuple[float, float] = (0.0, 0.0),
     table: FloatArray | None = None,
+    scan: Scan | None = None,
     progress: Progress = silent,
 ) -> Fused:
     """The wall by some frames, all equally sharp and of gain 1 if nothing else is said."""
-    scan, count = wall(), len(frames)
-    texels = Texels.of(scan, unwrap(scan.vertices, scan.faces, scan.normals, 64))
-    radiometry = radiometry_of(np.ones(count).tolist() if gain is None else gain)
+    scan, count = scan or wall(), len(frames)
+    size_px = 64 * round(float(scan.bounds.max() - scan.bounds.min()))
+    texels = Texels.of(scan, unwrap(scan.vertices, scan.faces, scan.normals, size_px))
+    radiometry = radiometry_of(np.ones(count).tolist() if gain is None else gain, vignetting)
     if table is None:
         table = np.repeat(STEP * np.arange(256.0)[:, None], 3, axis=1)
     with closing(KeptPictures(frames, table, silent)) as pictures:
@@ -127,6 +130,17 @@ def test_only_the_channels_that_are_at_white_are_cut() -> None:
     assert not found.white.any()
 
 
+@pytest.mark.parametrize("end", ["left", "right"])
+def test_the_end_of_a_long_narrow_face_is_seen_where_its_middle_is_far_out_of_the_picture(end: str) -> None:
+    """Holes that were closed and walls that were made flat have such faces."""
+    strip = wall((0.0, 12.0), (-0.05, 0.05)) if end == "left" else wall((-12.0, 0.0), (-0.05, 0.05))
+    found = fused([frame(SEEN, away_m=0.5)], scan=strip)
+    seen = found.views > 0
+    share = 0.5 * (0.5 - BORDER) * SIZE_PX[0] / FOCAL_PX / 12.0  # of the strip, that the picture shows
+    assert seen.mean() == pytest.approx(share, rel=0.1)  # texels of 2 cm at the ends of .38 m
+    assert found.light[seen] == pytest.approx(SEEN)
+
+
 def tiles(points: FloatArray) -> FloatArray:
     """(point,) radiance of a papered wall: a fall towards the corners that is wrong hides its edges."""
     return np.asarray(0.2 + 0.02 * np.sign(np.sin(31.0 * points[:, 0]) * np.sin(29.0 * points[:, 1])))
@@ -150,6 +164,20 @@ def shot_of_tiles(pose: FloatArray, gain: float, radiometry: Radiometry) -> Fram
         read_image=lambda least_px: image,
         read_depth=lambda: None,
     )
+
+
+def test_a_wall_is_as_bright_in_the_corners_of_a_picture_as_in_its_middle() -> None:
+    """Of a lens whose picture has half its light there."""
+    vignetting = (-0.5, -0.2)
+    pose = np.eye(4)
+    pose[2, 3] = 1.5
+    found = fused([shot_of_tiles(pose, 1.0, radiometry_of([1.0], vignetting))], vignetting=vignetting)
+    texels = Texels.of(wall(), unwrap(wall().vertices, wall().faces, wall().normals, 64))
+    points, seen = texels.points(slice(None)), found.views > 0
+    ratio = (found.light.mean(axis=1) / tiles(points))[seen]
+    outer = np.hypot(points[seen, 0], points[seen, 1]) > 0.45  # m, of .56 m to the picture's corners
+    for part in (outer, ~outer):
+        assert np.median(ratio[part]) == pytest.approx(1.0, abs=0.01)  # a byte is 1 % of .2
 
 
 @pytest.mark.parametrize(("gain", "vignetting"), [(0.35, (0.0, 0.0)), (1.4, (-0.5, -0.2))])
