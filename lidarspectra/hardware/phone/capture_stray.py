@@ -3,11 +3,13 @@
 `odometry.csv` has a row a frame, its columns named in the first line: timestamp [s], frame, x, y, z [m], qx, qy, qz,
 qw, and in later versions fx, fy, cx, cy [px]. Poses are camera to world with y up; the camera's axes are those of
 computer vision (x right, y down, looking along z). Intrinsics are the video's. Depth is in millimetres (16 bit),
-confidence 0, 1, 2. There is no mesh, and no exposure.
+confidence 0, 1, 2. There is no mesh, and no exposure. The video's first frame has a time before the beginning of its
+session, so that its edit list leaves it out (`mp4`): the first picture is that of the second row.
 
 References
 ----------
-Stray Robots, scanner (github.com/strayrobots/scanner), docs/format.md, StrayScanner/Helpers/OdometryEncoder.swift.
+Stray Robots, scanner (github.com/strayrobots/scanner), docs/format.md, StrayScanner/Helpers/OdometryEncoder.swift,
+DatasetEncoder.swift and VideoEncoder.swift (times of frames).
 """
 
 import csv
@@ -34,6 +36,7 @@ APP = "Stray Scanner"
 VIDEO, ODOMETRY, CAMERA = "rgb.mp4", "odometry.csv", "camera_matrix.csv"
 POSE_COLUMNS = ("qx", "qy", "qz", "qw", "x", "y", "z")
 FROM_VISION = np.diag([1.0, -1.0, -1.0, 1.0])  # x right, y up, looking along -z, in axes of computer vision
+MAX_DIGITS = 9  # of a frame's number; the app writes 6
 MAX_TEXT_BYTES = 256 * 1024**2  # [byte] of the odometry: 200 bytes a frame, 60 frames a second
 
 
@@ -62,7 +65,9 @@ def read_stray(files: CaptureFiles) -> Capture:
     rows = _rows(files)
     usual = _camera(files)
     video = open_video(files, VIDEO)
-    frames, left_out = gathered(rows, lambda name: _frame(files, video, name, rows[name], usual))
+    # The app's video leaves out its first frame, whose pose and depth are exported: it is none that is lost.
+    shown = [name for name in rows if not (_is_number(name) and int(name) < video.before)]
+    frames, left_out = gathered(shown, lambda name: _frame(files, video, name, rows[name], usual))
     return Capture(app=APP, where=files.where, frames=frames, left_out=left_out, close=video.close)
 
 
@@ -97,10 +102,14 @@ def _camera(files: CaptureFiles) -> list[list[str]] | None:
     return [line.split(",") for line in text.splitlines() if line.strip()]
 
 
+def _is_number(name: str) -> bool:
+    return name.isdecimal() and name.isascii() and len(name) <= MAX_DIGITS
+
+
 def _frame(
     files: CaptureFiles, video: Video, name: str, row: Mapping[str, str], usual: list[list[str]] | None
 ) -> Frame:
-    if not (name.isdecimal() and name.isascii()) or int(name) >= video.frames:
+    if not _is_number(name) or int(name) >= video.frames:
         raise FrameFault("the video has no such frame")
     number = int(name)
 

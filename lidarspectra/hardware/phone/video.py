@@ -18,6 +18,7 @@ from lidarspectra.errors import ScanError
 from lidarspectra.geometry.textures import MAX_TEXTURE_PIXELS
 from lidarspectra.hardware.phone.capture_files import CaptureFiles
 from lidarspectra.hardware.phone.frames import FrameFault
+from lidarspectra.hardware.phone.mp4 import frames_before_edit
 
 MAX_VIDEO_BYTES = 16 * 1024**3  # [byte] an hour at 30 Mbit/s
 MP4_TYPE = b"ftyp"  # of an MP4's first box: FFmpeg goes by content, and a list of addresses must not be opened
@@ -25,6 +26,8 @@ MP4_TYPE = b"ftyp"  # of an MP4's first box: FFmpeg goes by content, and a list 
 
 class Video:
     """A video file; a frame that is read after `close` opens it again.
+
+    Its `frames` are all in the file, of which the first `before` are left out where it is shown.
 
     Parameters
     ----------
@@ -47,10 +50,12 @@ class Video:
         self._next = 0
         with self._path.open("rb") as stream:
             kind = stream.read(8)[4:]
-        try:
-            capture = self._begin() if kind == MP4_TYPE else None
-        except FrameFault:
-            capture = None
+            stream.seek(0)
+            try:
+                self.before = frames_before_edit(stream) if kind == MP4_TYPE else 0
+                capture = self._begin() if kind == MP4_TYPE else None
+            except (FrameFault, ValueError):
+                capture = None
         size = (
             (0, 0)
             if capture is None
@@ -72,7 +77,7 @@ class Video:
         Parameters
         ----------
         number : int
-            From 0.
+            From 0, as the file counts them: those below `before` cannot be read.
         least_px : int
             Least width, down to which it is averaged by whole factors. [px]
 
@@ -86,8 +91,10 @@ class Video:
         FrameFault
             If it is damaged, or the video ends before it.
         """
+        if number < self.before:
+            raise FrameFault("its video does not show it")
         with self._lock:
-            picture = self._decoded(number)
+            picture = self._decoded(number - self.before)
         factor = max(1, picture.shape[1] // max(least_px, 1))
         small = (picture.shape[1] // factor, picture.shape[0] // factor)
         if factor > 1:

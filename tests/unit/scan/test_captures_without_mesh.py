@@ -154,6 +154,29 @@ def test_frames_of_a_video_are_found_in_any_order(shots: list[Shot], tmp_path: P
     capture.close()
 
 
+def test_the_first_frame_that_a_video_leaves_out_moves_no_picture_to_another_pose(
+    shots: list[Shot], tmp_path: Path
+) -> None:
+    """The app's first frame lies before its session, so that the edit list begins at the second."""
+    levels = np.linspace(30, 220, len(shots)).astype(np.uint8)
+    pictures = [jpeg(np.full((SIZE_PX[1], SIZE_PX[0], 3), level, dtype=np.uint8)) for level in levels]
+    some = [Shot(pose=shot.pose, picture=each, depth=shot.depth) for shot, each in zip(shots, pictures, strict=True)]
+    folder = write_stray(tmp_path / "stray", some)
+    video = bytearray((folder / "rgb.mp4").read_bytes())
+    duration = video.index(b"stts") + 16  # ISO 14496-12, 8.6.1.2: of all frames here
+    begin = video.index(b"elst") + 16  # 8.6.6
+    assert video[begin : begin + 4] == bytes(4)
+    video[begin : begin + 4] = video[duration : duration + 4]
+    (folder / "rgb.mp4").write_bytes(video)
+    capture = read_capture(folder)
+    assert [frame.name for frame in capture.frames] == [f"{number:06d}" for number in range(1, len(shots))]
+    assert capture.left_out == ()
+    for frame, level, shot in zip(capture.frames, levels[1:], shots[1:], strict=True):
+        assert frame.read_image(1000).mean() == pytest.approx(level, abs=4)
+        assert np.allclose(frame.camera_to_world, shot.pose, atol=1e-6)
+    capture.close()
+
+
 def test_a_video_of_an_archive_is_looked_at_again_after_it_was_closed(stray: Path, tmp_path: Path) -> None:
     """As mirrors and glass are looked for in frames whose colours were taken before."""
     archive = Path(shutil.make_archive(str(tmp_path / "stray"), "zip", stray))
