@@ -20,8 +20,8 @@ from lidarspectra.material.frames.frame_views import (
     sampled,
 )
 
-SIZE_PX = (BUFFER_PX, BUFFER_PX * 3 // 4)  # a pixel of the picture is one of the depth that the mesh would show
-FOCAL_PX = 180.0
+SIZE_PX = (2 * BUFFER_PX, 2 * BUFFER_PX * 3 // 4)  # two pixels are one of the depth that the mesh would show
+FOCAL_PX = 360.0
 TABLE = linear_table().astype(np.float32)
 
 
@@ -68,9 +68,9 @@ def test_points_lie_where_the_camera_sees_them_and_count_by_angle_and_distance()
     sight = sight_of([(0.0, 0.0, -2.0), (0.4, 0.3, -2.0)], scan_of(square(4.0, (0, 0, -2.0))))
     assert sight.index.tolist() == [0, 1]
     middle = np.array(SIZE_PX) / 2 - 0.5  # of pixels, whose middles lie at whole numbers
-    assert sight.pixel == pytest.approx(np.stack([middle, middle + (36.0, -27.0)]), abs=1e-3)
+    assert sight.pixel == pytest.approx(np.stack([middle, middle + (72.0, -54.0)]), abs=1e-3)
     corner2 = (np.array(SIZE_PX) ** 2).sum() / 4
-    assert sight.radius2 == pytest.approx([0.0, (36.0**2 + 27.0**2) / corner2])
+    assert sight.radius2 == pytest.approx([0.0, (72.0**2 + 54.0**2) / corner2])
     distance = np.sqrt(4.25)
     assert sight.weight == pytest.approx([0.5, (2.0 / distance) / (1.0 + 4.25 / 4.0)])
 
@@ -87,11 +87,20 @@ def test_what_the_lidar_measured_elsewhere_is_hidden_by_five_per_cent_and_eight_
 
 
 def test_beside_the_edge_of_what_lies_in_front_nothing_is_seen_and_four_pixels_away_it_is() -> None:
-    scan = scan_of(square(4.0, (0, 0, -2.0)), square(0.4, (0, 0, -1.0)))
-    pixel_m = 2.0 / FOCAL_PX
-    shadow_m = 0.4  # from the middle, on what lies behind
-    points = [(shadow_m + away * pixel_m, 0.05, -2.0) for away in (-2.0, 0.5, 1.5, 4.0)]
-    assert sight_of(points, scan).index.tolist() == [3]
+    scan = scan_of(square(4.0, (0, 0, -2.0)), square(0.4, (0, 0.1, -1.0)))
+    pixel_m = 2.0 / (FOCAL_PX / 2)
+    left_m, low_m, high_m = -0.4, -0.2, 0.6  # of its shadow on what lies behind
+    across = [(left_m - away * pixel_m, 0.2, -2.0) for away in (-2.0, 0.5, 1.5, 4.0)]
+    below = [(0.05, low_m - away * pixel_m, -2.0) for away in (-2.0, 0.5, 1.5, 4.0)]
+    above = [(0.05, high_m + away * pixel_m, -2.0) for away in (-2.0, 0.5, 1.5, 4.0)]
+    for points in (across, below, above):
+        assert sight_of(points, scan).index.tolist() == [3]
+
+
+def test_a_point_may_lie_behind_the_mesh_by_two_per_cent_and_three_centimetres() -> None:
+    """As where a wall was made flat after its frames were taken."""
+    scan = scan_of(square(4.0, (0, 0, -2.0)))
+    assert sight_of([(0.1, 0.1, -2.0 - behind) for behind in (0.0, 0.04, 0.068, 0.072, 0.2)], scan).index.size == 3
 
 
 @pytest.mark.parametrize(
