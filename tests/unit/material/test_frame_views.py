@@ -86,6 +86,15 @@ def test_what_the_lidar_measured_elsewhere_is_hidden_by_five_per_cent_and_eight_
     assert unsure.weight == pytest.approx(LOW_CONFIDENCE * sure.weight)  # of which nothing is hidden
 
 
+def test_what_faces_away_or_is_seen_too_flat_is_not_seen() -> None:
+    cosine = np.array([1.0, 0.21, 0.19, -0.5, -1.0])
+    normals = np.stack([np.sqrt(1.0 - cosine**2), np.zeros(5), cosine], axis=1)
+    view = MeshView(RayCaster(scan_of(square(4.0, (0, 0, -2.0)))))
+    sight = view.sight(frame(), view.depth(frame()), None, np.tile([0.0, 0.0, -2.0], (5, 1)), normals)
+    assert sight.index.tolist() == [0, 1]
+    assert sight.weight == pytest.approx(0.5 * cosine[:2])
+
+
 def test_beside_the_edge_of_what_lies_in_front_nothing_is_seen_and_four_pixels_away_it_is() -> None:
     scan = scan_of(square(4.0, (0, 0, -2.0)), square(0.4, (0, 0.1, -1.0)))
     pixel_m = 2.0 / (FOCAL_PX / 2)
