@@ -25,7 +25,8 @@ APP = "3D Scanner App"
 MESHES = ("export.obj", "textured_output.obj")  # the first that there is; both in the axes of the poses
 _POSE, _PICTURE = re.compile(r"frame_(\d+)\.json"), re.compile(r"frame_(\d+)\.jpg")
 _BETWEEN = (
-    "Of the {poses} poses that the app exported, {pictures} have a picture, as it keeps one of several: these are used."
+    "Of the {poses} poses that the app exported, {pictures} have a picture, as it keeps one of several; they are the "
+    "frames."
 )
 
 
