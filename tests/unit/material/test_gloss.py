@@ -210,6 +210,7 @@ def test_what_frames_show_is_kept_and_read_back(tmp_path: Path) -> None:
     normals = np.tile([0.0, 0.0, 1.0], (400, 1))
     records = recorder.records(points=points[recorder.texels], normals=normals, camera=np.zeros((1, 3))).scaled(0.5)
     assert len(records.points) == 400  # of a square metre, 5 cm apart
+    assert len(np.unique(recorder.texels)) == 400
     records.save(tmp_path)
     read = FrameRecords.load(tmp_path)
     assert read is not None
