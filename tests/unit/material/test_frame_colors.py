@@ -172,6 +172,21 @@ def test_gains_come_back(box: Box, colors: FrameColors) -> None:
     assert np.abs(colors.radiometry.log_gain - true).std() < 0.03
 
 
+def test_exposures_that_an_app_tells_are_time_times_sensitivity_and_a_frame_may_lack_them(box: Box) -> None:
+    """They tell a power of the curve, which no overlap does, and leave the gains as they are."""
+    sensitivity = np.array([50.0, 100.0, 400.0, 1600.0])
+    frames = []
+    for number, frame in enumerate(box.frames[:16]):
+        iso = sensitivity[number % 4]
+        exposure_s = None if number == 5 else 0.5 * float(box.gain[number, 1]) / iso
+        frames.append(replace(frame, exposure_s=exposure_s, iso=iso))
+    found = color_from_frames(box.scan, frames, texel_m=0.1).radiometry
+    assert found is not None
+    assert found.power_deviation < 0.1  # .15 if they are not told
+    true = np.log(box.gain[:16]) - np.log(box.gain[:16]).mean(axis=0)
+    assert np.abs(found.log_gain - true)[:, 1].max() < 0.05
+
+
 def test_a_lamp_that_most_frames_cut_at_white_gets_its_radiance_from_the_dark_ones(
     box: Box, colors: FrameColors
 ) -> None:
