@@ -9,10 +9,12 @@ from lidarspectra.hardware.phone.frames import (
     MAX_FRAMES,
     Frame,
     FrameFault,
+    LeftOut,
     checked_frame,
     decode_depth,
     depth_map,
     key_frames,
+    left_out_note,
 )
 
 from .capture_layouts import png, turning_pose
@@ -110,3 +112,14 @@ def test_of_a_long_walk_no_more_frames_are_used_than_there_is_time_for() -> None
     assert MAX_FRAMES / 2 < len(kept) <= MAX_FRAMES
     steps = np.diff([frame.position[0] for frame in kept])
     assert steps.max() - steps.min() < 0.11  # evenly, to a frame
+
+
+def test_frames_that_are_not_used_are_counted_by_reason_and_the_first_five_of_each_named() -> None:
+    cut = [LeftOut(name=f"{number:02d}", reason="its picture is cut off") for number in range(6)]
+    lost = [LeftOut(name=f"{number:02d}", reason="its pose jumps") for number in range(10, 15)]
+    (note,) = left_out_note([*cut, *lost], 40, then="Scan again.")
+    assert note == (
+        "11 of 40 frames of the scan are not used: 6 because its picture is cut off (00, 01, 02, 03, 04, ...); "
+        "5 because its pose jumps (10, 11, 12, 13, 14). Scan again."
+    )
+    assert left_out_note([], 40) == ()
