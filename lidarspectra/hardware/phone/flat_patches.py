@@ -8,10 +8,10 @@ Legs, cables and cushions are too small or too curved, and stay as they were sca
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, eye_array
 from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray, linked
+from lidarspectra.arrays import FloatArray, IntArray, linked
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.room.free_space import sphere_directions
@@ -30,6 +30,7 @@ DIRECTIONS = 1_600  # candidate normals on the sphere, 5 degrees apart
 DIRECTION_REACH = 0.16  # chord of 9 degrees, over which a direction's area is summed
 OFFSET_BIN_M = 0.01  # [m]
 FITS = 4  # alternating fits of plane and patch; they converge by then
+ROUND_OFF_M = 1e-6  # [m] of the distance of a face's centre from a plane
 DROPPED_SHARE = 0.2  # share of assigned faces at which the search drops them from its arrays
 USUAL_PATCH_M2 = (
     0.5  # [m²] of those that follow on walls and floor: 0.2 in the demo room, 0.7 in research/benchmarks/scale.py
@@ -103,22 +104,39 @@ def face_neighbors(faces: IntArray) -> IntArray:
     return np.stack([order[same] // 3, order[same + 1] // 3], axis=1)
 
 
+def _pairs_of_first(pairs: IntArray, count: int) -> IntArray:
+    """(face, 3) the second faces of the pairs in which each of so many faces is the first; -1 for none.
+
+    `face_neighbors` has each edge of a face first in one pair at most.
+    """
+    order = np.argsort(pairs[:, 0], kind="stable")
+    first = pairs[order, 0]
+    seconds = np.full((count, 3), -1)
+    seconds[first, np.arange(first.size) - np.searchsorted(first, first)] = pairs[order, 1]
+    return seconds
+
+
 class _Search:
-    """The faces not yet assigned to a plane; assigned ones are dropped from the arrays now and then."""
+    """The faces not yet assigned to a plane; assigned ones are dropped from the arrays now and then.
+
+    A patch is a small part of them, and looked for hundreds of times: its members are numbers of faces, in order.
+    """
 
     def __init__(self, scan: Scan) -> None:
         self.corners, self.centers = scan.corners, scan.centers
         self.areas, self.face_normals = scan.areas, scan.normals
-        self.all_pairs = self.pairs = face_neighbors(scan.faces)
+        self.all_pairs = face_neighbors(scan.faces)
+        self.seconds = _pairs_of_first(self.all_pairs, len(scan.faces))
         self.smooth = self._smoothed(scan)
         self.directions = sphere_directions(DIRECTIONS, turn_rad=0.0)
         tree = cKDTree(self.directions)
-        self.face_direction = tree.query(self.smooth)[1]
+        away, self.face_direction = tree.query(self.smooth)
         self.around: csr_array = csr_array(
             tree.sparse_distance_matrix(tree, DIRECTION_REACH, output_type="coo_matrix") != 0
-        ) + csr_array(np.eye(DIRECTIONS))
+        ) + eye_array(DIRECTIONS, format="csr")
         # Where both sides of a sheet share vertices, the mean normal vanishes and defines no plane.
         self.left = (self.areas > 0) & (np.linalg.norm(self.smooth, axis=1) > 0.5)
+        self.widest_away = float(away[self.left].max(initial=0.0))  # chord from a face's mean normal to its direction
         self.face = np.arange(len(self.areas))  # indices in the scan of the faces that are still searched
         self.face_plane = np.full(len(self.areas), -1, dtype=np.int64)
         self.normals: list[FloatArray] = []
@@ -137,12 +155,14 @@ class _Search:
 
     def fullest_direction(self) -> FloatArray | None:
         """(3,) unit vector that most of the remaining area faces; None if that is too little for a patch."""
-        area = np.bincount(self.face_direction[self.left], weights=self.areas[self.left], minlength=DIRECTIONS)
+        area = np.bincount(self.face_direction, weights=np.where(self.left, self.areas, 0.0), minlength=DIRECTIONS)
         summed = self.around @ area
         best = int(summed.argmax())
         if summed[best] < MIN_PATCH_M2:
             return None
-        member = self.left & (np.linalg.norm(self.smooth - self.directions[best], axis=1) < DIRECTION_REACH)
+        chord = np.linalg.norm(self.directions - self.directions[best], axis=1)
+        maybe = np.flatnonzero(self.left & (chord <= DIRECTION_REACH + self.widest_away)[self.face_direction])
+        member = maybe[np.linalg.norm(self.smooth[maybe] - self.directions[best], axis=1) < DIRECTION_REACH]
         mean = (self.smooth[member] * self.areas[member, None]).sum(axis=0)
         length = float(np.linalg.norm(mean))
         return np.asarray(mean / length if length > 0 else self.directions[best], dtype=np.float64)
@@ -155,75 +175,84 @@ class _Search:
     def take(self, direction: FloatArray) -> None:
         """Take the plane of most area in a direction out of the remaining faces: a patch, or too small for one."""
         self.looked_at += len(self.left)
-        facing = self.left & (self.smooth @ direction > SMOOTH_COSINE)
+        facing = np.flatnonzero(self.left & (self.smooth @ direction > SMOOTH_COSINE))
         along = self.centers[facing] @ direction
         offset = _fullest_offset(along, self.areas[facing])
-        near = facing.copy()
-        near[facing] = np.abs(along - offset) <= WIDEST_M
-        member = self._largest_piece(near)
+        near = member = facing[np.abs(along - offset) <= WIDEST_M]
+        if self.areas[near].sum() >= MIN_PATCH_M2:  # else no piece of it is a patch
+            member = self._largest_piece(near)
         normal = direction
         for _ in range(FITS):
             if self.areas[member].sum() < MIN_PATCH_M2:
                 break
-            normal, offset = _fitted(self.corners[member], self.areas[member], normal)
+            fitted = member
+            normal, offset = _fitted(self.corners[member], self.centers[member], self.areas[member], normal)
             if not self.offsets:
                 self._learn_noise(member, normal, offset)
             member = self._largest_piece(self._on(normal, offset))
+            if np.array_equal(member, fitted):  # as all further rounds would find it
+                break
         if self._is_patch(member, normal, offset):
             self.face_plane[self.face[member]] = len(self.offsets)
             self.normals.append(normal)
             self.offsets.append(offset)
-            self.left &= ~member
         else:
-            self.left &= ~(near | member)
+            self.left[near] = False
+        self.left[member] = False
         if self.left.mean() < 1.0 - DROPPED_SHARE:
             self._drop_taken()
 
     def _drop_taken(self) -> None:
         """Drop assigned faces from the arrays; the others keep their order, so that results are the same to the bit."""
         kept = np.flatnonzero(self.left)
-        number = np.cumsum(self.left) - 1
-        self.pairs = number[self.pairs[self.left[self.pairs[:, 0]] & self.left[self.pairs[:, 1]]]]
+        self.seconds = self._numbers(kept)[self.seconds[kept]]
         self.corners, self.centers, self.areas = self.corners[kept], self.centers[kept], self.areas[kept]
         self.face_normals, self.smooth = self.face_normals[kept], self.smooth[kept]
         self.face_direction, self.face = self.face_direction[kept], self.face[kept]
         self.left = np.ones(kept.size, dtype=np.bool_)
 
-    def _learn_noise(self, member: BoolArray, normal: FloatArray, offset: float) -> None:
+    def _numbers(self, rows: IntArray) -> IntArray:
+        """(face + 1,) the place of each face among some, -1 for others, and for the face -1, which is none."""
+        number = np.full(len(self.left) + 1, -1)
+        number[rows] = np.arange(rows.size)
+        return number
+
+    def _learn_noise(self, member: IntArray, normal: FloatArray, offset: float) -> None:
         """Estimate the scan's noise from the distances of the largest plane's faces."""
         off = np.abs(self.centers[member] @ normal - offset)
         deviation = 1.4826 * float(np.median(off))  # standard deviation of a normal law from its median distance
         self.reach_m = float(np.clip(NOISE_REACH * deviation, FINEST_M, WIDEST_M))
 
-    def _on(self, normal: FloatArray, offset: float) -> BoolArray:
-        cosine = self.face_normals @ normal
-        facing = (cosine > NEAR_COSINE) | ((self.smooth @ normal > SMOOTH_COSINE) & (cosine > GROWN_COSINE))
-        maybe = np.flatnonzero(self.left & facing)
+    def _on(self, normal: FloatArray, offset: float) -> IntArray:
+        """The faces that lie on a plane and face its way."""
+        # What has all corners within reach has its centre there: most faces need no look at their corners and normals.
+        near = np.abs(self.centers @ normal - offset) <= self.reach_m + ROUND_OFF_M
+        maybe = np.flatnonzero(self.left & near)
+        cosine = self.face_normals[maybe] @ normal
+        facing = (cosine > NEAR_COSINE) | ((self.smooth[maybe] @ normal > SMOOTH_COSINE) & (cosine > GROWN_COSINE))
+        maybe = maybe[facing]
         off = np.abs(self.corners[maybe] @ normal - offset).max(axis=1)
-        on = np.zeros(len(self.left), dtype=np.bool_)
-        on[maybe[off <= self.reach_m]] = True
-        return on
+        return np.asarray(maybe[off <= self.reach_m], dtype=np.int64)
 
-    def _is_patch(self, member: BoolArray, normal: FloatArray, offset: float) -> bool:
+    def _is_patch(self, member: IntArray, normal: FloatArray, offset: float) -> bool:
         area = float(self.areas[member].sum())
         if area < MIN_PATCH_M2:
             return False
         centers, areas = self.centers[member], self.areas[member]
         rough = float(np.sqrt(np.average((centers @ normal - offset) ** 2, weights=areas)))
-        spread = np.linalg.eigvalsh(_second_moment(self.corners[member], areas))
+        spread = np.linalg.eigvalsh(_second_moment(self.corners[member], centers, areas))
         width = float(np.sqrt(12.0 * max(spread[1], 0.0)))  # width of a rectangle of that variance
         return width >= MIN_WIDTH_M and rough <= ROUGHEST * self.reach_m
 
-    def _largest_piece(self, member: BoolArray) -> BoolArray:
-        """The connected piece of most area among the members."""
-        rows = np.flatnonzero(member)
-        largest = np.zeros(len(member), dtype=np.bool_)
-        if rows.size:
-            first, second = self.pairs.T
-            inside = (np.cumsum(member) - 1)[self.pairs[member[first] & member[second]]]
-            piece = linked(inside, rows.size)
-            largest[rows[piece == np.bincount(piece, weights=self.areas[rows]).argmax()]] = True
-        return largest
+    def _largest_piece(self, rows: IntArray) -> IntArray:
+        """The connected piece of most area among some faces."""
+        if not rows.size:
+            return rows
+        second = self._numbers(rows)[self.seconds[rows]]
+        first, edge = np.nonzero(second >= 0)
+        piece = linked(np.stack([first, second[first, edge]], axis=1), rows.size)
+        largest = np.bincount(piece, weights=self.areas[rows]).argmax()
+        return np.asarray(rows[piece == largest], dtype=np.int64)
 
     def grown(self, scan: Scan) -> IntArray:
         """(face,) planes, grown over the bumps and rounded rims between and beside their faces."""
@@ -251,13 +280,12 @@ def _fullest_offset(along: FloatArray, areas: FloatArray) -> float:
     return float(0.5 * (edges[peak] + edges[peak + 1]))
 
 
-def _second_moment(corners: FloatArray, areas: FloatArray) -> FloatArray:
+def _second_moment(corners: FloatArray, centers: FloatArray, areas: FloatArray) -> FloatArray:
     """(3, 3) covariance [m²] of the area of triangles: between their centres, and within each of them.
 
     A triangle of even density has the covariance Σ (v - c)(v - c)ᵀ / 12 over its corners v about its centre c; without
     it one large triangle would have no extent, and two would be a line.
     """
-    centers = corners.mean(axis=1)
     weight = areas / areas.sum()
     between = centers - weight @ centers
     within = corners - centers[:, None]
@@ -267,10 +295,10 @@ def _second_moment(corners: FloatArray, areas: FloatArray) -> FloatArray:
     )
 
 
-def _fitted(corners: FloatArray, areas: FloatArray, unit: FloatArray) -> tuple[FloatArray, float]:
+def _fitted(corners: FloatArray, centers: FloatArray, areas: FloatArray, unit: FloatArray) -> tuple[FloatArray, float]:
     """Least-squares plane through triangles, with its normal on the side of `unit`."""
-    middle = np.average(corners.mean(axis=1), axis=0, weights=areas)
-    _, axes = np.linalg.eigh(_second_moment(corners, areas))
+    middle = np.average(centers, axis=0, weights=areas)
+    _, axes = np.linalg.eigh(_second_moment(corners, centers, areas))
     normal = axes[:, 0] * (np.sign(axes[:, 0] @ unit) or 1.0)
     if normal @ unit < NEAR_COSINE:  # the rotation of a narrow strip is undetermined; use its faces' normals
         normal = unit

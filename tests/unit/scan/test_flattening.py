@@ -10,7 +10,7 @@ import trimesh
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone import flat_patches
-from lidarspectra.hardware.phone.flat_patches import find_flat_patches
+from lidarspectra.hardware.phone.flat_patches import _pairs_of_first, face_neighbors, find_flat_patches
 from lidarspectra.hardware.phone.flattening import flatten_scan
 from lidarspectra.mapping.report.report_tables import scan_table
 
@@ -89,6 +89,27 @@ def test_planes_are_the_same_to_the_bit_whenever_taken_faces_are_dropped(
     np.testing.assert_array_equal(other.face_plane, usual.face_plane)
     np.testing.assert_array_equal(other.normals, usual.normals)
     np.testing.assert_array_equal(other.offsets, usual.offsets)
+
+
+def test_planes_are_the_same_to_the_bit_if_faces_far_from_them_are_looked_at(
+    room: Scan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = find_flat_patches(room)
+    monkeypatch.setattr(flat_patches, "ROUND_OFF_M", np.inf)
+    other = find_flat_patches(room)
+    np.testing.assert_array_equal(other.face_plane, usual.face_plane)
+    np.testing.assert_array_equal(other.normals, usual.normals)
+    np.testing.assert_array_equal(other.offsets, usual.offsets)
+
+
+def test_all_pairs_of_neighbours_are_kept_where_many_faces_meet_in_an_edge() -> None:
+    fan = np.array([[0, 1, 2 + blade] for blade in range(5)])
+    strip = np.array([[10, 11, 12], [12, 11, 13], [12, 13, 14], [14, 13, 10]])
+    pairs = face_neighbors(np.concatenate([fan, strip]))
+    seconds = _pairs_of_first(pairs, 9)
+    first, place = np.nonzero(seconds >= 0)
+    kept = np.column_stack([first, seconds[first, place]])
+    assert sorted(map(tuple, kept.tolist())) == sorted(map(tuple, pairs.tolist()))
 
 
 def test_planes_are_told_one_by_one(room: Scan) -> None:
