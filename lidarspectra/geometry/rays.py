@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import ArrayError
-from lidarspectra.geometry.scan import Scan
+from lidarspectra.geometry.scan import Mesh, Scan
 
 RAYS_AT_ONCE = 1_000_000  # bounds the memory that one call takes to about 100 MB
 NOTHING = -1  # Embree's number of a geometry where a ray met none
@@ -61,7 +61,8 @@ class RayCaster:
         self._center = scan.bounds.mean(axis=0)
         # The robust mode costs a few per cent and lets no ray slip between two triangles that share an edge.
         self._scene = rtcore_scene.EmbreeScene(robust=True)
-        TriangleMesh(self._scene, (scan.corners - self._center).astype(np.float32))
+        # Shared vertices are a third of the corners, which embreex copies one number at a time.
+        TriangleMesh(self._scene, (scan.vertices - self._center).astype(np.float32), scan.faces.astype(np.int32))
 
     def nearest(self, origins: ArrayLike, directions: ArrayLike, *, max_distance: float | None = None) -> Hits:
         """First face that each ray meets, on either side.
@@ -137,11 +138,11 @@ class RayCaster:
         )
 
 
-_CASTERS: WeakKeyDictionary[Scan, RayCaster] = WeakKeyDictionary()
+_CASTERS: WeakKeyDictionary[Mesh, RayCaster] = WeakKeyDictionary()
 
 
 def caster_of(scan: Scan) -> RayCaster:
-    """A scan's triangles, loaded for ray casting once as long as the scan is kept.
+    """A scan's triangles, loaded for ray casting once as long as the scan, or another with the same mesh, is kept.
 
     Parameters
     ----------
@@ -151,9 +152,9 @@ def caster_of(scan: Scan) -> RayCaster:
     -------
     caster : RayCaster
     """
-    caster = _CASTERS.get(scan)
+    caster = _CASTERS.get(scan.mesh)
     if caster is None:
-        caster = _CASTERS[scan] = RayCaster(scan)
+        caster = _CASTERS[scan.mesh] = RayCaster(scan)
     return caster
 
 

@@ -28,6 +28,7 @@ _DAMAGE = (
 _ARRAYS = ("vertices", "faces", "face_image", "corner_uv", "corner_color")
 _PART_ARRAYS = ("color_source", "face_kind")  # not in the folders of earlier versions
 _LINEAR_ARRAYS = ("face_deviation", "face_cut")  # of colours from frames
+_OF_FACES = ("centers", "areas", "normals")  # that a scan works out of its mesh
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,6 +122,10 @@ class ScanRecord:
         return self.hole_area_m2 / self.area_m2 if self.area_m2 > 0 else 0.0
 
 
+class Mesh:
+    """Stands for the coloured triangles of scans that share them; what is made of these once is kept as long as it."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scan:
     """A room as a coloured triangle mesh.
@@ -194,8 +199,40 @@ class Scan:
     @cached_property
     def bounds(self) -> FloatArray:
         """(2, 3) lowest and highest corner of the box around the mesh [m]."""
-        used = self.vertices[self.faces.ravel()]
-        return _read_only(np.stack([used.min(axis=0), used.max(axis=0)]))
+        used = np.zeros(len(self.vertices), dtype=np.bool_)
+        used[self.faces] = True
+        places = self.vertices[used]
+        return _read_only(np.stack([places.min(axis=0), places.max(axis=0)]))
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The same object for scans that differ in their records alone."""
+        return Mesh()
+
+    def some(self, faces: IntArray, *, record: ScanRecord | None = None) -> "Scan":
+        """Some faces of it, with all of its vertices; what was worked out of each face is kept.
+
+        Parameters
+        ----------
+        faces : (n,) int
+            In the order that they shall have.
+        record : ScanRecord, optional
+            Another one.
+        """
+        chosen = replace(
+            self, faces=self.faces[faces], appearance=self.appearance.select(faces), record=record or self.record
+        )
+        chosen.__dict__.update(  # where `cached_property` keeps them
+            {name: _read_only(self.__dict__[name][faces]) for name in _OF_FACES if name in self.__dict__}
+        )
+        return chosen
+
+    def with_record(self, record: ScanRecord) -> "Scan":
+        """The same triangles with another record; what was worked out of them is kept."""
+        other = replace(self, record=record)
+        other.__dict__["mesh"] = self.mesh
+        other.__dict__.update({name: self.__dict__[name] for name in (*_OF_FACES, "bounds") if name in self.__dict__})
+        return other
 
     def face_colors(self) -> FloatArray:
         """(face, 3) mean linear sRGB [0-1] of each face; worked out once."""

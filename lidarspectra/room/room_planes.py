@@ -1,12 +1,13 @@
 """The planes that make a room: floor, ceilings and walls, found by area in a mesh that has furniture and noise."""
 
 from dataclasses import dataclass, fields
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
-from lidarspectra.geometry.scan import Scan
+from lidarspectra.geometry.scan import Mesh, Scan
 from lidarspectra.geometry.textures import subdivision_barycentrics
 
 LEVEL_COSINE = 0.9  # |n_z| of a face that counts as level: 26 degrees leave room for scan noise
@@ -108,12 +109,24 @@ class FaceGeometry:
         return FaceGeometry(**{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
 
+_GEOMETRIES: WeakKeyDictionary[Mesh, FaceGeometry] = WeakKeyDictionary()
+
+
 def face_geometry(scan: Scan) -> FaceGeometry:
-    """Centres, normals, areas and heights of a scan's faces.
+    """Centres, normals, areas and heights of a scan's faces, read-only; worked out once as long as the scan is kept.
 
     A face whose longest side is above `COARSE_M` is cut into n² equal parts: models of rooms draw a whole wall as two
     triangles, whose centres say nothing of where it begins and ends.
     """
+    geometry = _GEOMETRIES.get(scan.mesh)
+    if geometry is None:
+        geometry = _GEOMETRIES[scan.mesh] = _geometry_of(scan)
+        for item in fields(geometry):
+            getattr(geometry, item.name).flags.writeable = False
+    return geometry
+
+
+def _geometry_of(scan: Scan) -> FaceGeometry:
     corners = scan.corners
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     cuts = np.clip(np.ceil(longest / COARSE_M), 1, MAX_CUTS).astype(np.int64)

@@ -109,7 +109,7 @@ def whole_room(
         closed_area_m2=openness.closed_m2,
         notes=notes,
     )
-    return WholeRoom(scan=replace(closed, record=record), room=room, openness=openness, proposed=found)
+    return WholeRoom(scan=closed.with_record(record), room=room, openness=openness, proposed=found)
 
 
 def missing_in_words(record: ScanRecord) -> str:

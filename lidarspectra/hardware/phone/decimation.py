@@ -86,7 +86,7 @@ def decimate(scan: Scan, max_faces: int, *, progress: Progress = silent) -> Scan
     record = replace(scan.record, faces_kept=faces.shape[0], decimated_from=count, notes=notes)
     small = Scan(vertices=vertices, faces=faces, appearance=appearance, record=record)
     progress(1.0, f"{faces.shape[0]} triangles left")
-    return replace(small, record=replace(record, area_m2=float(small.areas.sum())))
+    return small.with_record(replace(record, area_m2=float(small.areas.sum())))
 
 
 def load_decimation() -> Any:

@@ -62,7 +62,7 @@ def flatten_scan(scan: Scan, *, progress: Progress = silent) -> Scan:
         area_m2=float(flat.areas[kept].sum()),
     )
     progress(1.0, "planes flattened")
-    return replace(flat, faces=flat.faces[kept], appearance=flat.appearance.select(kept), record=record)
+    return flat.some(kept, record=record)
 
 
 def _drawn(scan: Scan, patches: FlatPatches) -> FloatArray:

@@ -99,7 +99,7 @@ def repair_scan(
         scan = decimate(scan, max_faces, progress=decimating)
     record = replace(scan.record, faces_kept=scan.faces.shape[0], area_m2=float(scan.areas.sum()))
     progress(1.0, "scan repaired")
-    return replace(scan, record=record)
+    return scan.with_record(record)
 
 
 def merged_numbers(vertices: FloatArray, distance: float = MERGE_DISTANCE_M) -> IntArray:
@@ -152,11 +152,13 @@ def _without_bad_faces(scan: Scan) -> Scan:
         duplicate_faces=scan.record.duplicate_faces + int(double.sum()),
         degenerate_faces=scan.record.degenerate_faces + int(degenerate.sum()),
     )
-    return replace(scan, faces=scan.faces[kept], appearance=scan.appearance.select(kept), record=record)
+    return scan.some(kept, record=record)
 
 
 def _turned(scan: Scan) -> Scan:
     turn = faces_to_turn(scan)
+    if not turn.any():
+        return scan
     record = replace(scan.record, flipped_faces=scan.record.flipped_faces + int(turn.sum()))
     return replace(
         scan,
@@ -221,7 +223,7 @@ def _closed(scan: Scan, loops: Sequence[Loop], loose_edges: int, max_hole_m: flo
         notes=notes,
     )
     if not fills:
-        return replace(scan, record=record)
+        return scan.with_record(record)
     return _with_faces(
         replace(scan, record=record), np.concatenate(fills), np.concatenate(colors), np.concatenate(beside)
     )
@@ -245,7 +247,7 @@ def _without_hidden_layers(scan: Scan) -> Scan:
         hidden_area_m2=scan.record.hidden_area_m2 + area,
         notes=(*scan.record.notes, note),
     )
-    return replace(scan, faces=scan.faces[kept], appearance=scan.appearance.select(kept), record=record)
+    return scan.some(kept, record=record)
 
 
 def _fill(points: FloatArray) -> IntArray | None:

@@ -50,7 +50,7 @@ def _placed(scan: Scan, pane: Pane) -> Scan:
     if cut.all():
         return scan
     shines = _shines(scan, in_pane)
-    around = _joined_to_rim(_some(scan, np.flatnonzero(~cut)), pane)
+    around = _joined_to_rim(scan.some(np.flatnonzero(~cut)), pane)
     count = len(around.vertices)
     changed = _with_faces(
         around, pane.corners, count + np.array([[0, 1, 2], [0, 2, 3]]), around.appearance.with_more(_appearance(shines))
@@ -62,7 +62,7 @@ def _placed(scan: Scan, pane: Pane) -> Scan:
         cut_faces=scan.record.cut_faces + int(cut.sum()),
         cut_area_m2=scan.record.cut_area_m2 + float(scan.areas[cut].sum()),
     )
-    return replace(changed, record=record)
+    return changed.with_record(record)
 
 
 def _bulge(scan: Scan, pane: Pane) -> BoolArray:
@@ -110,11 +110,6 @@ def _open_edges(faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     edge = distinct_rows(keys)[1]
     alone = np.flatnonzero(np.bincount(edge)[edge] == 1)
     return starts[alone], ends[alone], alone // 3
-
-
-def _some(scan: Scan, faces: IntArray) -> Scan:
-    """Some (n,) faces of a scan, with all of its vertices."""
-    return replace(scan, faces=scan.faces[faces], appearance=scan.appearance.select(faces))
 
 
 def _with_faces(scan: Scan, vertices: FloatArray, faces: IntArray, appearance: Appearance) -> Scan:

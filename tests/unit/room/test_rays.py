@@ -2,6 +2,7 @@
 
 import gc
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -93,3 +94,16 @@ def test_a_scan_is_loaded_once_and_its_rays_go_with_it(builder) -> None:
     del scan
     gc.collect()
     assert caster() is None
+
+
+def test_a_scan_with_another_record_keeps_its_caster_and_one_with_another_mesh_does_not(builder) -> None:
+    room = builder()
+    room.box([0, 0, 0], [1, 1, 1])
+    scan = room.scan()
+    assert caster_of(scan.with_record(replace(scan.record, holes_open=1))) is caster_of(scan)
+    towards = [[5.0, 0.5, 0.5]], [[-1.0, 0.0, 0.0]]
+    moved = replace(scan, vertices=scan.vertices + np.array([0.0, 9.0, 0.0]))
+    assert caster_of(scan).blocked(*towards).all()
+    assert not caster_of(moved).blocked(*towards).any()
+    behind = np.flatnonzero(scan.centers[:, 0] < 0.9)
+    np.testing.assert_allclose(caster_of(scan.some(behind)).nearest(*towards).distance, 5.0)

@@ -8,6 +8,7 @@ import pytest
 from lidarspectra.errors import ArrayError, ScanError
 from lidarspectra.geometry.scan import MESH_FILE, RECORD_FILE, Scan, load_scan, save_scan
 from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.room.room_planes import face_geometry
 
 
 @pytest.fixture
@@ -29,6 +30,23 @@ def test_a_saved_scan_comes_back_bit_by_bit(saved: tuple[Scan, Path]) -> None:
         np.testing.assert_array_equal(getattr(back.appearance, name), getattr(scan.appearance, name))
     np.testing.assert_array_equal(back.appearance.images[0], scan.appearance.images[0])
     np.testing.assert_array_equal(back.face_colors(), scan.face_colors())
+
+
+def test_some_faces_and_another_record_keep_what_was_worked_out_as_it_would_be_again(room_glb: Path) -> None:
+    scan = read_scan(room_glb)
+    order = np.random.default_rng(4).permutation(len(scan.faces))[:40]
+    record = replace(scan.record, holes_open=7)
+    fresh = scan.some(order, record=record)  # nothing was worked out yet
+    worked_out = [scan.centers, scan.areas, scan.normals, scan.bounds, face_geometry(scan).areas]
+    for other, expected in ((scan.some(order, record=record), fresh), (scan.with_record(record), scan)):
+        assert other.record == record
+        for name in ("vertices", "faces", "centers", "areas", "normals", "bounds"):
+            np.testing.assert_array_equal(getattr(other, name), getattr(expected, name), strict=True)
+            assert not getattr(other, name).flags.writeable
+        np.testing.assert_array_equal(other.appearance.corner_uv, expected.appearance.corner_uv)
+    assert scan.with_record(record).areas is worked_out[1]
+    assert face_geometry(scan.with_record(record)) is face_geometry(scan)
+    assert len(face_geometry(fresh).areas) < len(face_geometry(scan).areas)
 
 
 @pytest.mark.parametrize("name", [MESH_FILE, RECORD_FILE, "texture0.png"])
