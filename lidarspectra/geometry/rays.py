@@ -86,6 +86,8 @@ class RayCaster:
             If an origin or direction is not finite or has no three coordinates.
         """
         starts, wanted = _rays(origins, directions)
+        if len(starts) <= RAYS_AT_ONCE:
+            return self._nearest(starts, wanted, max_distance)
         parts = [self._nearest(starts[part], wanted[part], max_distance) for part in _parts(len(starts))]
         return Hits(
             face=np.concatenate([part.face for part in parts]),

@@ -295,7 +295,8 @@ def within_polygon(places: FloatArray, polygon: FloatArray) -> BoolArray:
     """(place,) whether (place, 2) positions lie within a polygon of (corner, 2) [m]."""
     from matplotlib.path import Path as Polygon  # loads slowly
 
-    within = np.all((places >= polygon.min(axis=0)) & (places <= polygon.max(axis=0)), axis=1)
+    (low_x, low_y), (high_x, high_y), (x, y) = polygon.min(axis=0), polygon.max(axis=0), places.T
+    within = (x >= low_x) & (x <= high_x) & (y >= low_y) & (y <= high_y)
     within[within] = Polygon(np.vstack([polygon, polygon[:1]]), closed=True).contains_points(places[within])
     return np.asarray(within, dtype=np.bool_)
 

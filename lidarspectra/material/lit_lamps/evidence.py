@@ -195,14 +195,16 @@ def gather_evidence(
     -------
     evidence : Evidence
     """
-    luminance = np.where(usable, picture.luminance, 0.0)
+    part = _around(patch, RIM_REACH_M / picture.pixel_m)  # all that is looked at
+    patch, usable, seen, heights_m = patch[part], usable[part], picture.seen[part], picture.height[part]
+    luminance = np.where(usable, picture.luminance[part], 0.0)
     gap = grown(patch, RING_GAP_M / picture.pixel_m)
     ring = grown(gap, RING_M / picture.pixel_m) & ~gap
     beside = luminance[ring & usable]
-    heights = picture.height[patch & picture.seen]
+    heights = heights_m[patch & seen]
     height = float(np.median(heights)) if heights.size else 0.0
-    behind = picture.height[ring & picture.seen]
-    colors = picture.color[patch]
+    behind = heights_m[ring & seen]
+    colors = picture.color[part][patch]
     mean = colors.mean(axis=0)
     return Evidence(
         contrast=float(luminance[patch].mean() / max(float(np.median(beside)), 1e-3)) if beside.size else 0.0,
@@ -210,12 +212,12 @@ def gather_evidence(
         overlap=fit.overlap,
         # Unseen pixels beside a patch are holes and do not count as a boundary.
         bounded_share=float((usable[ring] & (luminance[ring] <= RING_LEVEL * luminance[patch].mean())).mean()),
-        rim_m=_rim_m(picture, luminance, patch, around, core),
+        rim_m=_rim_m(luminance, patch, around, core, picture.pixel_m),
         min_side_m=picture.pixel_m * min(fit.size),
         area_m2=float(patch.sum()) * picture.pixel_m**2,
         protrusion_m=height - float(np.median(behind)) if kind == "wall" and behind.size else height,
         unevenness_m=float(np.subtract(*np.quantile(heights, [0.9, 0.1]))) if heights.size else np.inf,
-        facing=float(picture.facing[patch].mean()),
+        facing=float(picture.facing[part][patch].mean()),
         gray=float(mean.min() / max(float(mean.max()), 1e-3)),
         height_m=height,
         color=mean,
@@ -231,13 +233,23 @@ def demands_on(kind: PlaneKind, height_m: float) -> Demands:
     return HANGING if height_m > FLUSH_M else ON_CEILING
 
 
-def _rim_m(picture: PlanePicture, luminance: FloatArray, patch: BoolArray, around: float, core: float) -> float:
+def _around(patch: BoolArray, pixels: float) -> tuple[slice, slice]:
+    """The rows and columns of a patch, and so many pixels more on every side, as `grown` counts them."""
+    reach = max(1, round(pixels))
+    sides = []
+    for axis in (1, 0):
+        place = np.flatnonzero(patch.any(axis=axis))
+        sides.append(slice(max(0, int(place[0]) - reach), int(place[-1]) + reach + 1))
+    return sides[0], sides[1]
+
+
+def _rim_m(luminance: FloatArray, patch: BoolArray, around: float, core: float, pixel_m: float) -> float:
     """Width of the rim in which a patch fades from four fifths to two fifths of its brightness [m]."""
-    near = grown(patch, RIM_REACH_M / picture.pixel_m)
+    near = grown(patch, RIM_REACH_M / pixel_m)
     level = (luminance - around) / max(core - around, 1e-6)
-    fading = near & (level > RIM_LEVELS[0]) & (level < RIM_LEVELS[1]) & ~shrunk(patch, RIM_REACH_M / picture.pixel_m)
+    fading = near & (level > RIM_LEVELS[0]) & (level < RIM_LEVELS[1]) & ~shrunk(patch, RIM_REACH_M / pixel_m)
     perimeter = float((patch & ~shrunk(patch, 1)).sum())
-    return float(fading.sum()) / max(perimeter, 1.0) * picture.pixel_m
+    return float(fading.sum()) / max(perimeter, 1.0) * pixel_m
 
 
 def grown(patch: BoolArray, pixels: float) -> BoolArray:

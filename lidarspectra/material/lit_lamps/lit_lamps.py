@@ -190,9 +190,7 @@ def _judged(survey: Survey, box: tuple[FloatArray, FloatArray]) -> Iterator[LitL
     picture = survey.close_up(box[0] - MARGIN_M, box[1] + MARGIN_M)
     usable = picture.seen & survey.in_room(picture)
     luminance = np.where(usable, picture.luminance, 0.0)
-    rows, columns = np.indices(usable.shape)
-    place = picture.coordinates(rows.ravel(), columns.ravel())
-    seeded = np.all((place >= box[0]) & (place <= box[1]), axis=1).reshape(usable.shape)
+    seeded = picture.within(*box)
     surroundings = usable & ~grown(seeded, RING_GAP_M / picture.pixel_m)
     if not (usable & seeded).any() or not surroundings.any():
         return

@@ -1,6 +1,7 @@
 """Orthographic pictures of a plane of the room: colour and relief seen straight on, whatever the texture's charts."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,7 +33,7 @@ class PlaneFrame:
         object.__setattr__(self, "origin", float_array(self.origin, name="PlaneFrame.origin", shape=(3,)))
         object.__setattr__(self, "normal", float_array(self.normal, name="PlaneFrame.normal", shape=(3,)))
 
-    @property
+    @cached_property
     def axes(self) -> FloatArray:
         """(2, 3) unit axes: along x as far as the plane allows (y where its normal is along x), and normal x first."""
         reference = np.array([0.0, 1.0, 0.0] if abs(self.normal[0]) > ALONG_X else [1.0, 0.0, 0.0])
@@ -76,16 +77,39 @@ class PlanePicture:
     start: FloatArray
     pixel_m: float
 
-    @property
+    @cached_property
     def luminance(self) -> FloatArray:
         """(row, column) relative luminance, 1 for the texture's white."""
         return np.asarray(self.color @ LUMINANCE_FROM_SRGB, dtype=np.float64)
+
+    def within(self, low: FloatArray, high: FloatArray) -> BoolArray:
+        """(row, column) whether pixels' centres lie in a box of the plane, from corner to corner [m]."""
+        rows, columns = self.seen.shape
+        across = self.coordinates(np.zeros(columns), np.arange(columns))[:, 0]
+        down = self.coordinates(np.arange(rows), np.zeros(rows))[:, 1]
+        return np.asarray(
+            ((down >= low[1]) & (down <= high[1]))[:, None] & ((across >= low[0]) & (across <= high[0])), dtype=np.bool_
+        )
+
+    @property
+    def centers(self) -> FloatArray:
+        """(row * column, 2) plane coordinates of all pixels, row by row [m]."""
+        rows, columns = self.seen.shape
+        return pixel_centers(self.start, self.pixel_m, rows, columns)
 
     def coordinates(self, rows: ArrayLike, columns: ArrayLike) -> FloatArray:
         """(n, 2) plane coordinates of pixels [m]."""
         return np.asarray(
             self.start + self.pixel_m * np.column_stack([np.asarray(columns), np.asarray(rows)]), dtype=np.float64
         )
+
+
+def pixel_centers(start: FloatArray, pixel_m: float, rows: int, columns: int) -> FloatArray:
+    """(row * column, 2) plane coordinates of a picture's pixels, row by row, from the first one's (2,) on [m]."""
+    centers = np.empty((rows, columns, 2))
+    centers[..., 0] = start[0] + pixel_m * np.arange(columns)
+    centers[..., 1] = (start[1] + pixel_m * np.arange(rows))[:, None]
+    return centers.reshape(-1, 2)
 
 
 def take_picture(
@@ -122,14 +146,14 @@ def take_picture(
     """
     columns, rows = (np.maximum(np.ceil((np.asarray(high) - low) / pixel_m), 1).astype(int)).tolist()
     start = np.asarray(low, dtype=np.float64) + 0.5 * pixel_m
-    column, row = np.meshgrid(np.arange(columns), np.arange(rows))
-    plane = start + pixel_m * np.column_stack([column.ravel(), row.ravel()])
+    plane = pixel_centers(start, pixel_m, rows, columns)
     hits = caster.nearest(frame.to_room(plane, reach_m), -frame.normal, max_distance=reach_m + beyond_m)
-    facing = np.where(hits.met, caster.normals[hits.face] @ frame.normal, 0.0)
-    seen = hits.met & (facing > 0)
+    met = hits.met
+    facing = np.where(met, (caster.normals @ frame.normal)[hits.face], 0.0)
+    seen = met & (facing > 0)
     color = np.zeros((len(plane), 3))
     color[seen] = scan.appearance.sample(hits.face[seen], hits.barycentric[seen])
-    height = np.where(hits.met, reach_m - np.where(hits.met, hits.distance, 0.0), np.nan)
+    height = np.where(met, reach_m - hits.distance, np.nan)
     return PlanePicture(
         color=color.reshape(rows, columns, 3),
         height=height.reshape(rows, columns),

@@ -81,9 +81,7 @@ class Survey:
         shape = picture.seen.shape
         if self.kind == "wall":
             return np.ones(shape, dtype=np.bool_)
-        rows, columns = np.indices(shape)
-        points = self.frame.to_room(picture.coordinates(rows.ravel(), columns.ravel()))
-        return self.room.in_plan(points).reshape(shape)
+        return self.room.in_plan(self.frame.to_room(picture.centers)).reshape(shape)
 
 
 def surveys(scan: Scan, room: Room, caster: RayCaster) -> Iterator[Survey]:

@@ -1,13 +1,16 @@
 """Lit lamps: found where they are painted, and nothing else taken for one."""
 
+from functools import partial
+
 import cv2
 import numpy as np
 import pytest
 
 from lidarspectra.lamps.surfaces import Place
+from lidarspectra.material.lit_lamps import evidence
 from lidarspectra.material.lit_lamps.lit_lamps import BrightPatch, find_lit_lamps, search_lit_lamps
 from lidarspectra.material.lit_lamps.outline_fit import fit_outline
-from lidarspectra.material.lit_lamps.plane_picture import PlaneFrame
+from lidarspectra.material.lit_lamps.plane_picture import PlaneFrame, PlanePicture
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import find_room
 from lidarspectra.workflow.init.summary import bright_places_advice
@@ -263,6 +266,34 @@ def test_an_outline_is_fitted_to_a_ragged_patch(shape, size, turn) -> None:
     np.testing.assert_allclose(fit.size, size, atol=1.5)
     assert fit.angle_deg == pytest.approx(turn, abs=3.0)
     assert fit.overlap > 0.85
+
+
+@pytest.mark.parametrize(
+    "corner", [(0, 0), (60, 75), (150, 100)]
+)  # of the patch: at an edge of the picture, and amid it
+def test_what_a_patch_shows_is_the_same_to_the_bit_if_the_whole_picture_is_looked_at(monkeypatch, corner) -> None:
+    rng = np.random.default_rng(6)
+    shape = (190, 240)
+    patch = np.zeros(shape, dtype=bool)
+    patch[corner[0] : corner[0] + 40, corner[1] : corner[1] + 30] = rng.random((40, 30)) < 0.9
+    usable, seen = rng.random(shape) < 0.9, rng.random(shape) < 0.95
+    picture = PlanePicture(
+        color=rng.random((*shape, 3)) * np.where(patch, 1.0, 0.6)[..., None],
+        height=np.where(seen, rng.normal(scale=0.01, size=shape), np.nan),
+        facing=rng.random(shape),
+        seen=seen,
+        start=np.zeros(2),
+        pixel_m=0.0025,
+    )
+    looked = partial(
+        evidence.gather_evidence, picture, usable & seen, patch, fit_outline(patch), kind="wall", around=0.3, core=0.6
+    )
+    near = looked()
+    monkeypatch.setattr(evidence, "_around", lambda patch, pixels: (slice(None), slice(None)))
+    for name, value in vars(looked()).items():
+        np.testing.assert_array_equal(getattr(near, name), value)
+    assert 0.0 < near.rim_m < 1.0
+    assert near.contrast > 1.0
 
 
 def test_axes_of_a_plane_are_those_of_a_lamp_rotation() -> None:
