@@ -187,6 +187,13 @@ class Appearance:
         colors.flags.writeable = False
         return colors
 
+    def colors_of(self, faces: IntArray) -> FloatArray:
+        """(n, 3) mean linear sRGB [0-1] of some faces, (n,) int; the texture is read for no others."""
+        if self._has_face_colors:
+            return np.asarray(self._face_colors[faces], dtype=np.float64)
+        distinct, number = np.unique(faces, return_inverse=True)
+        return np.asarray(self.select(distinct).face_colors()[number], dtype=np.float64)
+
     @property
     def _has_face_colors(self) -> bool:
         return "_face_colors" in self.__dict__

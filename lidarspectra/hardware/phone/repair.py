@@ -180,12 +180,13 @@ def _closed(scan: Scan, loops: Sequence[Loop], loose_edges: int, max_hole_m: flo
     """Close the loops of at most `max_hole_m` extent, and count the others."""
     piece, _ = connected_pieces(scan.faces)
     piece_area = np.bincount(piece, weights=scan.areas)
+    rim_colors = _rim_colors(scan, loops)
     fills: list[IntArray] = []
     colors: list[FloatArray] = []
     beside: list[IntArray] = []
     closed_area = longest_open = 0.0
     closed = left_open = 0
-    for done, loop in enumerate(loops):
+    for done, (loop, rim_color) in enumerate(zip(loops, rim_colors, strict=True)):
         if done % 100 == 0:
             progress(done / len(loops), f"closing holes, {done} of {len(loops)}")
         points = scan.vertices[loop.vertices]
@@ -201,7 +202,7 @@ def _closed(scan: Scan, loops: Sequence[Loop], loose_edges: int, max_hole_m: flo
         closed += 1
         closed_area += area
         fills.append(loop.vertices[triangles])
-        colors.append(_rim_colors(scan, loop)[triangles])
+        colors.append(rim_color[triangles])
         beside.append(np.full(len(triangles), loop.faces[0]))
     notes = scan.record.notes
     if loose_edges:
@@ -254,10 +255,13 @@ def _fill(points: FloatArray) -> IntArray | None:
     return triangulate_loop(points) if len(points) >= 3 else None
 
 
-def _rim_colors(scan: Scan, loop: Loop) -> FloatArray:
-    """(n, 3) sRGB-encoded colours at a rim's vertices: of the two faces beside each, the mean in linear light."""
-    beside = scan.face_colors()[loop.faces]
-    return encode_srgb(0.5 * (beside + np.roll(beside, 1, axis=0)))
+def _rim_colors(scan: Scan, loops: Sequence[Loop]) -> list[FloatArray]:
+    """(n, 3) sRGB-encoded colours at each rim's vertices: of the two faces beside each, the mean in linear light."""
+    if not loops:
+        return []
+    colors = scan.appearance.colors_of(np.concatenate([loop.faces for loop in loops]))
+    of_loops = np.split(colors, np.cumsum([loop.faces.size for loop in loops])[:-1])
+    return [encode_srgb(0.5 * (beside + np.roll(beside, 1, axis=0))) for beside in of_loops]
 
 
 def _with_faces(scan: Scan, faces: IntArray, corner_color: FloatArray, beside: IntArray) -> Scan:

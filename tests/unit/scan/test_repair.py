@@ -140,6 +140,16 @@ def test_a_hole_takes_the_colours_of_its_rim(scan: Scan) -> None:
     assert (patch <= rim.max(axis=0) + 1e-9).all()
 
 
+def test_colours_of_some_faces_are_those_that_all_together_have(scan: Scan) -> None:
+    some = np.random.default_rng(8).integers(0, len(scan.faces), 40)  # some of them twice
+    fresh = without(scan, np.zeros(len(scan.faces), dtype=bool)).appearance
+    alone = fresh.colors_of(some)
+    # Positions in the texture are rounded to 32 bits, by a sum whose order may be another for fewer faces.
+    np.testing.assert_allclose(alone, scan.face_colors()[some], atol=1e-6)
+    fresh.face_colors()
+    np.testing.assert_array_equal(fresh.colors_of(some), scan.face_colors()[some])
+
+
 def test_a_hole_larger_than_allowed_stays_open_and_is_reported(scan: Scan) -> None:
     holed = without(scan, wall_patch(scan, 0.35))
     for options in ({"max_hole_m": 0.3}, {"close_holes": False}):
