@@ -14,7 +14,7 @@ from lidarspectra.errors import ArrayError, LidarSpectraError, ScanError
 from lidarspectra.geometry.appearance import Appearance as Appearance
 from lidarspectra.geometry.appearance import LinearLight
 from lidarspectra.geometry.textures import TextureArray, decode_image
-from lidarspectra.geometry.triangles import triangle_areas, triangle_crosses
+from lidarspectra.geometry.triangles import triangle_crosses
 from lidarspectra.io.files import writing
 from lidarspectra.io.png_files import write_png
 
@@ -187,14 +187,18 @@ class Scan:
     @cached_property
     def areas(self) -> FloatArray:
         """(face,) areas [m²]."""
-        return _read_only(triangle_areas(self.corners))
+        return _read_only(0.5 * np.linalg.norm(self._crosses, axis=1))
 
     @cached_property
     def normals(self) -> FloatArray:
         """(face, 3) unit normals [1]; zero for a face without area."""
-        crosses = triangle_crosses(self.corners)
-        lengths = np.linalg.norm(crosses, axis=1, keepdims=True)
-        return _read_only(crosses / np.where(lengths > 0, lengths, 1.0))
+        lengths = np.linalg.norm(self._crosses, axis=1, keepdims=True)
+        return _read_only(self._crosses / np.where(lengths > 0, lengths, 1.0))
+
+    @cached_property
+    def _crosses(self) -> FloatArray:
+        """(face, 3) vectors along the normals, twice the areas long [m²]."""
+        return triangle_crosses(self.corners)
 
     @cached_property
     def bounds(self) -> FloatArray:

@@ -118,15 +118,24 @@ def plan_mask(
     origin = low - rim * cell
     x, y = np.meshgrid(origin[0] + cell * np.arange(columns), origin[1] + cell * np.arange(rows))
     plan = np.stack([x.ravel(), y.ravel()], axis=1)
-    on_floor = meets(caster, plan, start_z=floor.z + FLOOR_REACH_M, level_z=floor.z).reshape(rows, columns)
+    over_scan = np.all((plan >= low - cell) & (plan <= high + cell), axis=1)  # a third of the cells are the empty rim
+
+    def meeting(start_z: float, level_z: float) -> BoolArray:
+        """Cells over the scan whose vertical rays meet a level surface."""
+        met: BoolArray = over_scan.copy()
+        met[over_scan] = meets(caster, plan[over_scan], start_z=start_z, level_z=level_z)
+        return met
+
+    on_floor = meeting(floor.z + FLOOR_REACH_M, floor.z).reshape(rows, columns)
     tall = [wall for wall in walls if wall.top_z - wall.bottom_z >= TALL_SHARE * (top_z - floor.z)]
 
     if ceilings or slopes:
         inside = below_slopes(caster, plan, slopes).reshape(rows, columns)
         for ceiling in ceilings:
             if ceiling.z < ceilings[0].z + STANDING_M:  # or it is that of a storey above
-                overhead = meets(caster, plan, start_z=ceiling.z - CEILING_REACH_M, level_z=ceiling.z)
-                inside = inside | (overhead & _has_depth(caster, plan, ceiling_z=ceiling.z)).reshape(rows, columns)
+                below = meeting(ceiling.z - CEILING_REACH_M, ceiling.z)
+                below[below] = _has_depth(caster, plan[below], ceiling_z=ceiling.z)
+                inside = inside | below.reshape(rows, columns)
         inside = inside | _without_ceiling(caster, plan, on_floor, inside, floor_z=floor.z, walls=tall)
     else:
         start_z = float(bounds[1, 2]) + 1.0 if from_z is None else from_z
@@ -160,8 +169,10 @@ def _without_ceiling(
     caster: RayCaster, plan: FloatArray, on_floor: BoolArray, inside: BoolArray, *, floor_z: float, walls: list[Wall]
 ) -> BoolArray:
     """Cells of floor under nothing at all that adjoin the room; behind one of its walls they may be a mirage."""
-    starts = np.column_stack([plan, np.full(len(plan), floor_z + FLOOR_REACH_M)])
-    bare = on_floor & ~caster.blocked(starts, [0.0, 0.0, 1.0]).reshape(on_floor.shape)
+    bare = on_floor & ~inside  # what is inside needs no rays
+    starts = plan[bare.ravel()]
+    starts = np.column_stack([starts, np.full(len(starts), floor_z + FLOOR_REACH_M)])
+    bare[bare] = ~caster.blocked(starts, [0.0, 0.0, 1.0])
     for wall in walls:
         behind, beside = _behind(plan, wall)
         bare &= ~(behind > WALL_SLACK_M).reshape(bare.shape) | ~beside.reshape(bare.shape)

@@ -47,7 +47,6 @@ HIDING_SHARE = 0.8  # of the room's plan: a level surface as large is no table a
 SHELF_SHARE = 0.25  # of the box around the walls; a smaller level surface overhead may be a shelf or a cabinet's
 SCRAP_SHARE = 0.05  # of that box; less of a floor or ceiling is a part of furniture, and the scan shows none
 STOREY_SHARE = 0.6  # of the room's ceiling or floor, that the ceiling below another storey has, and that one's floor
-STRAY_SHARE = 0.01  # of the walls' area on either side, that may be stray
 TABLE_M = (0.3, 1.5)  # [m] height of such a surface above where the walls end
 ROOM_FILE = "room.json"
 
@@ -411,7 +410,7 @@ def _wall_cells(scan: Scan, faces: FaceGeometry) -> FloatArray:
 
 def _floor_or_bottom_of_walls(floor: Level | None, faces: FaceGeometry) -> Level | None:
     """The floor; where the walls reach clearly below what was found, that is a table, and they end at the floor."""
-    upright = faces.some(np.abs(faces.normals[:, 2]) < 0.5)
+    upright = faces.standing
     if upright.areas.sum() < MIN_WALLS_M2:
         return floor
     bottom = weighted_quantile(upright.bottoms, upright.areas, WALL_END_SHARE)
@@ -426,7 +425,7 @@ def _floor_or_bottom_of_walls(floor: Level | None, faces: FaceGeometry) -> Level
 
 def _without_shelves(ceilings: tuple[Level, ...], faces: FaceGeometry) -> tuple[Level, ...]:
     """The ceilings; none where the main one is a scrap, or a small part of the plan that the walls reach far above."""
-    upright = faces.some(np.abs(faces.normals[:, 2]) < 0.5)
+    upright = faces.standing
     if not ceilings or upright.areas.sum() < MIN_WALLS_M2:
         return ceilings
     main = ceilings[0]
@@ -454,18 +453,13 @@ def _storey_above(ceilings: tuple[Level, ...], levels: tuple[Level, ...], floor:
 
 
 def _plan_box_m2(upright: FaceGeometry) -> float:
-    """Area of the box in plan around upright parts, but for the outermost hundredths of their area [m²]."""
-    sides = [
-        weighted_quantile(upright.centers[:, axis], upright.areas, 1.0 - STRAY_SHARE)
-        - weighted_quantile(upright.centers[:, axis], upright.areas, STRAY_SHARE)
-        for axis in (0, 1)
-    ]
-    return max(sides[0] * sides[1], MIN_ROOM_M2)
+    """Area of the box in plan around upright parts, a room's at least [m²]."""
+    return max(upright.plan_box_m2, MIN_ROOM_M2)
 
 
 def _top_of_walls(faces: FaceGeometry, floor: Level) -> float:
     """Height that most upright area stays below: without a ceiling, where the walls end."""
-    upright = faces.some(np.abs(faces.normals[:, 2]) < 0.5)
+    upright = faces.standing
     if not upright.areas.sum() > 0:
         return floor.z
     upper = upright.some(upright.centers[:, 2] >= weighted_median(upright.centers[:, 2], upright.areas))

@@ -1,6 +1,8 @@
 """The planes that make a room: floor, ceilings and walls, found by area in a mesh that has furniture and noise."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -12,6 +14,8 @@ from lidarspectra.geometry.textures import subdivision_barycentrics
 
 LEVEL_COSINE = 0.9  # |n_z| of a face that counts as level: 26 degrees leave room for scan noise
 UPRIGHT_COSINE = 0.25  # |n_z| below which a face counts as upright (14.5 degrees)
+STANDING_COSINE = 0.5  # |n_z| below which a face stands: it may be a wall's, whatever its noise
+STRAY_SHARE = 0.01  # share of the walls' area on either side, that may be stray
 LEVEL_BIN_M = 0.01  # [m] resolution in height; a phone's floor is noisier than that
 LEVEL_SIGMA_M = 0.025  # [m] over which the areas at two heights are taken for one surface's
 LEVEL_HALF_WIDTH_M = 0.06  # [m] a scanned floor's unevenness, as seen in phone scans (2 to 5 cm)
@@ -107,6 +111,20 @@ class FaceGeometry:
     def some(self, chosen: BoolArray) -> "FaceGeometry":
         """Those parts that are chosen, (part,) bool."""
         return FaceGeometry(**{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
+
+    @cached_property
+    def standing(self) -> "FaceGeometry":
+        """Those parts that stand; worked out once, as the box below."""
+        return self.some(np.abs(self.normals[:, 2]) < STANDING_COSINE)
+
+    @cached_property
+    def plan_box_m2(self) -> float:
+        """Area of the box in plan around all parts, but for the outermost hundredths of their area [m²]."""
+        sides = []
+        for axis in (0, 1):
+            low, high = weighted_quantiles(self.centers[:, axis], self.areas, (STRAY_SHARE, 1.0 - STRAY_SHARE))
+            sides.append(high - low)
+        return sides[0] * sides[1]
 
 
 _GEOMETRIES: WeakKeyDictionary[Mesh, FaceGeometry] = WeakKeyDictionary()
@@ -280,9 +298,14 @@ def weighted_quantile(values: FloatArray, weights: FloatArray, share: float) -> 
     share : float
         [0-1]
     """
+    return weighted_quantiles(values, weights, (share,))[0]
+
+
+def weighted_quantiles(values: FloatArray, weights: FloatArray, shares: Sequence[float]) -> list[float]:
+    """Values below which shares of the weight lie, as `weighted_quantile` has each."""
     order = np.argsort(values, kind="stable")
     below = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(below, share * below[-1])])
+    return [float(values[order[np.searchsorted(below, share * below[-1])]]) for share in shares]
 
 
 def main_direction(faces: FaceGeometry) -> tuple[float, float]:
