@@ -49,17 +49,26 @@ class GridPlane:
         turned = np.vstack(self.room.outlines) @ self.turn
         return np.stack([turned.min(axis=0), turned.max(axis=0)])
 
-    def lattice(self, spacing: float, phase: tuple[int, int]) -> FloatArray:
-        """(point, 2) lattice in the frame of the walls, centred on the largest room [m].
-
-        Phase 0 puts a line of points through the centre, phase 1 the centre between two lines.
-        """
+    @cached_property
+    def middle(self) -> FloatArray:
+        """(2,) middle of the largest room, in the frame of the walls [m]."""
         largest = self.room.outline @ self.turn
-        start = 0.5 * (largest.min(axis=0) + largest.max(axis=0)) + 0.5 * spacing * np.asarray(phase)
+        return np.asarray(0.5 * (largest.min(axis=0) + largest.max(axis=0)), dtype=np.float64)
+
+    def lines(self, spacing: float, phase: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
+        """Where a lattice's lines lie, along and across in the frame of the walls, centred on the largest room [m].
+
+        Phase 0 puts a line through the centre, phase 1 the centre between two lines.
+        """
+        start = self.middle + 0.5 * spacing * np.asarray(phase)
         first = np.ceil((self.reach[0] - start) / spacing)
         last = np.floor((self.reach[1] - start) / spacing)
-        axes = [start[axis] + spacing * np.arange(first[axis], last[axis] + 1) for axis in range(2)]
-        along, across = np.meshgrid(axes[0], axes[1])
+        along, across = (start[axis] + spacing * np.arange(first[axis], last[axis] + 1) for axis in range(2))
+        return along, across
+
+    def lattice(self, spacing: float, phase: tuple[int, int]) -> FloatArray:
+        """(point, 2) points in which these lines meet [m]."""
+        along, across = np.meshgrid(*self.lines(spacing, phase))
         return np.column_stack([along.ravel(), across.ravel()])
 
     def free_plan(self, lattice: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -131,8 +140,10 @@ def _likely_lattices(plane: GridPlane, count: int) -> list[tuple[float, tuple[in
         if spacing < MIN_SPACING_M:
             break
         for phase in ((0, 0), (1, 1), (0, 1), (1, 0)):
-            column, row = ((plane.lattice(float(spacing), phase) - plane.reach[0]) / cell).astype(int).T
-            points = int(picture[np.minimum(row, picture.shape[0] - 1), np.minimum(column, picture.shape[1] - 1)].sum())
+            along, across = plane.lines(float(spacing), phase)
+            column = np.minimum(((along - plane.reach[0, 0]) / cell).astype(int), picture.shape[1] - 1)
+            row = np.minimum(((across - plane.reach[0, 1]) / cell).astype(int), picture.shape[0] - 1)
+            points = int(picture[row[:, None], column].sum())
             if points >= count:
                 found.append((points, float(spacing), phase))
     # Of lattices with as many points the widest covers the room best.
