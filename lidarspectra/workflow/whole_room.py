@@ -55,6 +55,7 @@ def whole_room(
     ceiling_z: float | None = None,
     panes: Sequence[Pane] = (),
     seen: Seen | None = None,
+    room: Room | None = None,
 ) -> WholeRoom:
     """Find the room in a scan, and close what is missing.
 
@@ -72,6 +73,8 @@ def whole_room(
         Glass, mirrors and screens that are known.
     seen : callable, optional
         What frames tell of glass and mirrors, where there are any.
+    room : Room, optional
+        What was found before the panes were known, with the same heights: glass and screens do not change it.
 
     Returns
     -------
@@ -84,7 +87,8 @@ def whole_room(
     """
     # Glass changes no plan; but a bulge that is partly cut off looks like an alcove.
     mirrors = with_panes(scan, [pane for pane in panes if pane.kind == "mirror"])
-    room = find_room(mirrors, floor_z=floor_z, ceiling_z=ceiling_z)
+    if room is None or mirrors is not scan:
+        room = find_room(mirrors, floor_z=floor_z, ceiling_z=ceiling_z)
     scan = with_panes(mirrors, [pane for pane in panes if pane.kind != "mirror"])
     closed, openness = close_room(scan, room, ceiling=close_ceiling or close, floor=close_floor or close, sides=close)
     views = views_of_room(closed, room)

@@ -249,10 +249,11 @@ def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progr
         )
         scan, room, _, proposed = whole(repaired, seen=panes_seen_in(colors, capture))
         if proposed:  # the room as the run will see it, without images behind mirrors
-            scan, room, *_ = whole(repaired, panes=proposed)
+            scan, room, *_ = whole(repaired, panes=proposed, room=room)
     except ScanError as cause:
         raise _NoRoom(cause, raw) from cause
     free = FreeSpace(scan, room)
+    scan.face_colors()  # read once for the search and for what follows it
 
     def search(tell: Progress) -> LampSearch:
         return search_lit_lamps(scan, room, caster=free.caster)

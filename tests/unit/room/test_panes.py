@@ -141,6 +141,17 @@ def test_the_room_behind_a_mirror_is_cut_off_and_a_real_room_there_is_not(scanne
     assert not images_behind(corridor, MIRROR).any()
 
 
+@pytest.mark.parametrize("name", ["window, a hole", "mirror of 2 m"])
+def test_a_room_found_before_its_panes_were_known_is_found_again_only_for_mirrors(name: str, scanned, whole) -> None:
+    room, alone = BY_NAME[name], whole(name).room
+    assert room.true is not None
+    again = whole_room(scanned(room), **CLOSED, panes=[room.true], room=alone).room
+    expected = whole(name, with_its_pane=True).room
+    np.testing.assert_array_equal(again.outline, expected.outline)
+    assert again.area_m2 == expected.area_m2
+    assert (again is alone) == (room.true.kind != "mirror")
+
+
 def test_glass_becomes_one_flat_pane_and_its_bulge_is_gone(scanned) -> None:
     bulge = scanned(BY_NAME["glass wall, bulges"])
     flat = with_panes(bulge, [GLASS_WALL])
