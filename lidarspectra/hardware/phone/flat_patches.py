@@ -147,9 +147,8 @@ class _Search:
     def _smoothed(self, scan: Scan) -> FloatArray:
         """(face, 3) unit normals, averaged over all faces that touch a face's vertices."""
         weighted = self.face_normals * self.areas[:, None]
-        at_vertex = np.zeros((len(scan.vertices), 3))
-        for corner in range(3):
-            np.add.at(at_vertex, scan.faces[:, corner], weighted)
+        vertex, count = scan.faces.T.ravel(), len(scan.vertices)
+        at_vertex = np.column_stack([np.bincount(vertex, np.tile(part, 3), count) for part in weighted.T])
         summed = at_vertex[scan.faces].sum(axis=1)
         return np.asarray(summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-12), dtype=np.float64)
 

@@ -174,7 +174,8 @@ def seeds(survey: Survey) -> Iterator[tuple[FloatArray, FloatArray]]:
     level = np.maximum(demands.contrast * _background(luminance, usable, picture.pixel_m), SEED_LUMINANCE)
     bright = usable & (luminance >= np.maximum(level, SEED_SHARE_OF_BRIGHTEST * brightest))
     bright &= picture.height >= survey.least_height_m
-    saturated = bright & (picture.color.max(axis=2) >= SATURATED)
+    saturated = bright.copy()
+    saturated[bright] = picture.color[bright].max(axis=1) >= SATURATED  # few pixels are bright
     count, labels, stats, _ = cv2.connectedComponentsWithStats(bright.astype(np.uint8), connectivity=8)
     clipped = np.bincount(labels[saturated], minlength=count)
     least = demands.min_side_m**2 / picture.pixel_m**2
