@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import ArrayError
-from lidarspectra.geometry.scan import Mesh, Scan
+from lidarspectra.geometry.scan import Mesh, Scan, mesh_of
 
 RAYS_AT_ONCE = 1_000_000  # bounds the memory that one call takes to about 100 MB
 NOTHING = -1  # Embree's number of a geometry where a ray met none
@@ -154,9 +154,9 @@ def caster_of(scan: Scan) -> RayCaster:
     -------
     caster : RayCaster
     """
-    caster = _CASTERS.get(scan.mesh)
+    caster = _CASTERS.get(mesh_of(scan))
     if caster is None:
-        caster = _CASTERS[scan.mesh] = RayCaster(scan)
+        caster = _CASTERS[mesh_of(scan)] = RayCaster(scan)
     return caster
 
 

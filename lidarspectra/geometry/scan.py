@@ -209,34 +209,8 @@ class Scan:
         return _read_only(np.stack([places.min(axis=0), places.max(axis=0)]))
 
     @cached_property
-    def mesh(self) -> Mesh:
-        """The same object for scans that differ in their records alone."""
+    def _mesh(self) -> Mesh:
         return Mesh()
-
-    def some(self, faces: IntArray, *, record: ScanRecord | None = None) -> "Scan":
-        """Some faces of it, with all of its vertices; what was worked out of each face is kept.
-
-        Parameters
-        ----------
-        faces : (n,) int
-            In the order that they shall have.
-        record : ScanRecord, optional
-            Another one.
-        """
-        chosen = replace(
-            self, faces=self.faces[faces], appearance=self.appearance.select(faces), record=record or self.record
-        )
-        chosen.__dict__.update(  # where `cached_property` keeps them
-            {name: _read_only(self.__dict__[name][faces]) for name in _OF_FACES if name in self.__dict__}
-        )
-        return chosen
-
-    def with_record(self, record: ScanRecord) -> "Scan":
-        """The same triangles with another record; what was worked out of them is kept."""
-        other = replace(self, record=record)
-        other.__dict__["mesh"] = self.mesh
-        other.__dict__.update({name: self.__dict__[name] for name in (*_OF_FACES, "bounds") if name in self.__dict__})
-        return other
 
     def face_colors(self) -> FloatArray:
         """(face, 3) mean linear sRGB [0-1] of each face; worked out once."""
@@ -246,6 +220,52 @@ class Scan:
 def _read_only(values: FloatArray) -> FloatArray:
     values.flags.writeable = False
     return values
+
+
+def mesh_of(scan: Scan) -> Mesh:
+    """What stands for a scan's coloured triangles: the same for scans that differ in their records alone."""
+    return scan._mesh
+
+
+def some_faces(scan: Scan, faces: IntArray, *, record: ScanRecord | None = None) -> Scan:
+    """Some faces of a scan, with all of its vertices; what was worked out of each face is kept.
+
+    Parameters
+    ----------
+    scan : Scan
+    faces : (n,) int
+        In the order that they shall have.
+    record : ScanRecord, optional
+        Another one.
+
+    Returns
+    -------
+    chosen : Scan
+    """
+    known = scan.__dict__  # where `cached_property` keeps what was worked out
+    chosen = replace(
+        scan, faces=scan.faces[faces], appearance=scan.appearance.select(faces), record=record or scan.record
+    )
+    chosen.__dict__.update({name: _read_only(known[name][faces]) for name in _OF_FACES if name in known})
+    return chosen
+
+
+def with_record(scan: Scan, record: ScanRecord) -> Scan:
+    """The same triangles with another record; what was worked out of them is kept.
+
+    Parameters
+    ----------
+    scan : Scan
+    record : ScanRecord
+
+    Returns
+    -------
+    scan : Scan
+    """
+    known = scan.__dict__ | {"_mesh": scan._mesh}
+    other = replace(scan, record=record)
+    other.__dict__.update({name: known[name] for name in (*_OF_FACES, "bounds", "_mesh") if name in known})
+    return other
 
 
 def bare_scan(vertices: FloatArray, faces: IntArray, *, file: str = "") -> Scan:

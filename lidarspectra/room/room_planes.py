@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
-from lidarspectra.geometry.scan import Mesh, Scan
+from lidarspectra.geometry.scan import Mesh, Scan, mesh_of
 from lidarspectra.geometry.textures import subdivision_barycentrics
 
 LEVEL_COSINE = 0.9  # |n_z| of a face that counts as level: 26 degrees leave room for scan noise
@@ -136,9 +136,9 @@ def face_geometry(scan: Scan) -> FaceGeometry:
     A face whose longest side is above `COARSE_M` is cut into n² equal parts: models of rooms draw a whole wall as two
     triangles, whose centres say nothing of where it begins and ends.
     """
-    geometry = _GEOMETRIES.get(scan.mesh)
+    geometry = _GEOMETRIES.get(mesh_of(scan))
     if geometry is None:
-        geometry = _GEOMETRIES[scan.mesh] = _geometry_of(scan)
+        geometry = _GEOMETRIES[mesh_of(scan)] = _geometry_of(scan)
         for item in fields(geometry):
             getattr(geometry, item.name).flags.writeable = False
     return geometry

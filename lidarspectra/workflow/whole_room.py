@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from lidarspectra.geometry.scan import Scan, ScanRecord
+from lidarspectra.geometry.scan import Scan, ScanRecord, with_record
 from lidarspectra.material.pane_materials import REFLECTANCE
 from lidarspectra.material.part_materials import typical_in_words
 from lidarspectra.room.closing import Openness, close_room
@@ -113,7 +113,7 @@ def whole_room(
         closed_area_m2=openness.closed_m2,
         notes=notes,
     )
-    return WholeRoom(scan=closed.with_record(record), room=room, openness=openness, proposed=found)
+    return WholeRoom(scan=with_record(closed, record), room=room, openness=openness, proposed=found)
 
 
 def missing_in_words(record: ScanRecord) -> str:

@@ -19,7 +19,7 @@ from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.meshlab import INSTALL_MESHLAB, load_pymeshlab
 from lidarspectra.geometry.rays import RayCaster
-from lidarspectra.geometry.scan import Appearance, Scan
+from lidarspectra.geometry.scan import Appearance, Scan, with_record
 from lidarspectra.geometry.triangles import triangle_crosses
 from lidarspectra.hardware.phone.texture_atlas import PADDING_PX, Atlas, unwrap
 from lidarspectra.progress import Progress, shares, silent
@@ -86,7 +86,7 @@ def decimate(scan: Scan, max_faces: int, *, progress: Progress = silent) -> Scan
     record = replace(scan.record, faces_kept=faces.shape[0], decimated_from=count, notes=notes)
     small = Scan(vertices=vertices, faces=faces, appearance=appearance, record=record)
     progress(1.0, f"{faces.shape[0]} triangles left")
-    return small.with_record(replace(record, area_m2=float(small.areas.sum())))
+    return with_record(small, replace(record, area_m2=float(small.areas.sum())))
 
 
 def load_decimation() -> Any:

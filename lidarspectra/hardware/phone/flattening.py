@@ -12,7 +12,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.geometry.scan import Scan
+from lidarspectra.geometry.scan import Scan, some_faces
 from lidarspectra.hardware.phone.flat_patches import FlatPatches, find_flat_patches
 from lidarspectra.progress import Progress, shares, silent
 
@@ -62,7 +62,7 @@ def flatten_scan(scan: Scan, *, progress: Progress = silent) -> Scan:
         area_m2=float(flat.areas[kept].sum()),
     )
     progress(1.0, "planes flattened")
-    return flat.some(kept, record=record)
+    return some_faces(flat, kept, record=record)
 
 
 def _drawn(scan: Scan, patches: FlatPatches) -> FloatArray:

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, distinct_rows, linked
 from lidarspectra.errors import ScanError
-from lidarspectra.geometry.scan import Appearance, Scan
+from lidarspectra.geometry.scan import Appearance, Scan, some_faces, with_record
 from lidarspectra.geometry.triangles import triangle_areas
 from lidarspectra.hardware.phone.decimation import decimate
 from lidarspectra.hardware.phone.facing import connected_pieces, faces_to_turn
@@ -99,7 +99,7 @@ def repair_scan(
         scan = decimate(scan, max_faces, progress=decimating)
     record = replace(scan.record, faces_kept=scan.faces.shape[0], area_m2=float(scan.areas.sum()))
     progress(1.0, "scan repaired")
-    return scan.with_record(record)
+    return with_record(scan, record)
 
 
 def merged_numbers(vertices: FloatArray, distance: float = MERGE_DISTANCE_M) -> IntArray:
@@ -152,7 +152,7 @@ def _without_bad_faces(scan: Scan) -> Scan:
         duplicate_faces=scan.record.duplicate_faces + int(double.sum()),
         degenerate_faces=scan.record.degenerate_faces + int(degenerate.sum()),
     )
-    return scan.some(kept, record=record)
+    return some_faces(scan, kept, record=record)
 
 
 def _turned(scan: Scan) -> Scan:
@@ -224,7 +224,7 @@ def _closed(scan: Scan, loops: Sequence[Loop], loose_edges: int, max_hole_m: flo
         notes=notes,
     )
     if not fills:
-        return scan.with_record(record)
+        return with_record(scan, record)
     return _with_faces(
         replace(scan, record=record), np.concatenate(fills), np.concatenate(colors), np.concatenate(beside)
     )
@@ -248,7 +248,7 @@ def _without_hidden_layers(scan: Scan) -> Scan:
         hidden_area_m2=scan.record.hidden_area_m2 + area,
         notes=(*scan.record.notes, note),
     )
-    return scan.some(kept, record=record)
+    return some_faces(scan, kept, record=record)
 
 
 def _fill(points: FloatArray) -> IntArray | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, distinct_rows
 from lidarspectra.geometry.appearance import NEUTRAL_COLOR, NO_COLOR, PHOTOGRAPHED, Appearance
-from lidarspectra.geometry.scan import Scan
+from lidarspectra.geometry.scan import Scan, some_faces, with_record
 from lidarspectra.room.panes.mirrors import images_behind
 from lidarspectra.room.panes.pane import REACH_M, Pane
 from lidarspectra.spectra.colorimetry import encode_srgb
@@ -50,7 +50,7 @@ def _placed(scan: Scan, pane: Pane) -> Scan:
     if cut.all():
         return scan
     shines = _shines(scan, in_pane)
-    around = _joined_to_rim(scan.some(np.flatnonzero(~cut)), pane)
+    around = _joined_to_rim(some_faces(scan, np.flatnonzero(~cut)), pane)
     count = len(around.vertices)
     changed = _with_faces(
         around, pane.corners, count + np.array([[0, 1, 2], [0, 2, 3]]), around.appearance.with_more(_appearance(shines))
@@ -62,7 +62,7 @@ def _placed(scan: Scan, pane: Pane) -> Scan:
         cut_faces=scan.record.cut_faces + int(cut.sum()),
         cut_area_m2=scan.record.cut_area_m2 + float(scan.areas[cut].sum()),
     )
-    return changed.with_record(record)
+    return with_record(changed, record)
 
 
 def _bulge(scan: Scan, pane: Pane) -> BoolArray:

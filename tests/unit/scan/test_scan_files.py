@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ArrayError, ScanError
-from lidarspectra.geometry.scan import MESH_FILE, RECORD_FILE, Scan, load_scan, save_scan
+from lidarspectra.geometry.scan import MESH_FILE, RECORD_FILE, Scan, load_scan, save_scan, some_faces, with_record
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.room.room_planes import face_geometry
 
@@ -36,16 +36,16 @@ def test_some_faces_and_another_record_keep_what_was_worked_out_as_it_would_be_a
     scan = read_scan(room_glb)
     order = np.random.default_rng(4).permutation(len(scan.faces))[:40]
     record = replace(scan.record, holes_open=7)
-    fresh = scan.some(order, record=record)  # nothing was worked out yet
+    fresh = some_faces(scan, order, record=record)  # nothing was worked out yet
     worked_out = [scan.centers, scan.areas, scan.normals, scan.bounds, face_geometry(scan).areas]
-    for other, expected in ((scan.some(order, record=record), fresh), (scan.with_record(record), scan)):
+    for other, expected in ((some_faces(scan, order, record=record), fresh), (with_record(scan, record), scan)):
         assert other.record == record
         for name in ("vertices", "faces", "centers", "areas", "normals", "bounds"):
             np.testing.assert_array_equal(getattr(other, name), getattr(expected, name), strict=True)
             assert not getattr(other, name).flags.writeable
         np.testing.assert_array_equal(other.appearance.corner_uv, expected.appearance.corner_uv)
-    assert scan.with_record(record).areas is worked_out[1]
-    assert face_geometry(scan.with_record(record)) is face_geometry(scan)
+    assert with_record(scan, record).areas is worked_out[1]
+    assert face_geometry(with_record(scan, record)) is face_geometry(scan)
     assert len(face_geometry(fresh).areas) < len(face_geometry(scan).areas)
 
 
