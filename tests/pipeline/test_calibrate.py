@@ -109,7 +109,8 @@ def test_the_command_finds_what_was_wrong_and_the_run_goes_on_from_there(
     assert factors == pytest.approx(FLUX, rel=0.12)
     assert set(run_file.calibration.determined) == {'lamp "one" !rm', "warm"}
     table = pd.read_csv(run.parent / "room.calibrated.run" / "calibration" / "readings.csv")
-    assert np.abs(table["off after [%]"]).max() < 0.4 * np.abs(table["off before [%]"]).max()
+    before, after = (np.sqrt((table[f"off {when} [%]"] ** 2).mean()) for when in ("before", "after"))
+    assert after < 0.4 * before  # .15 to .3: draft noise moves single readings by some per cent
     said = shlex.split(answer.stdout.splitlines()[-1].partition("lidarspectra ")[2])  # as it is to be typed, anywhere
     again = command_line(*said)
     assert again.status == 0, again.stderr

@@ -21,9 +21,9 @@ MAX_UNCERTAIN = 0.5  # [1] largest standard deviation of log k for it to be iden
 BEAM_EXPONENT = 0.3  # [1] difference from the Lambertian exponent, above which the user is warned
 FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp whose flux differs by more, significantly, draws a warning
 # [1] of the fit's deviation, that is stated: its priors are as wide as all cameras, lamps and skies together, and it
-# trusts a place no more than `MAX_PER_PLACE`. By 34 scans of known
-# rooms, docs/delighting-measured.md, "stated deviations hold".
-STATED_SHARE = 0.8
+# trusts a place no more than `MAX_PER_PLACE`. By 55 scans of known rooms, docs/delighting-measured.md, "Whether the
+# stated deviations hold".
+STATED_SHARE = 0.56
 ABOUT_EVEN_PERCENT = 10  # [%] by which a probability may be off one half
 SURE_FAMILY = 0.9  # [1] probability of a tone curve's family, up to which the user is warned
 UNPICTURED_SHARE = 0.02  # [1] of the scan's area without a picture, above which the user is told
