@@ -9,6 +9,7 @@ import numpy as np
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.material.lit_lamps.lit_lamps import CLEARANCE_M
 from lidarspectra.room.free_space import FreeSpace
+from lidarspectra.room.plan_cells import edge_distance, within_polygon
 from lidarspectra.room.room import Room
 
 PITCH_M = 2.4  # [m] from panel to panel in offices: four ceiling tiles of 0.6 m
@@ -17,6 +18,7 @@ PANEL_LM = 3600.0  # [lm] of such a panel; one for each 5.8 m² of floor gives o
 MAX_PANELS = 24  # a larger room gets a wider pitch, and brighter panels
 WALL_M = 0.2  # [m] least distance of a panel's edge from the walls
 SHIFTS = tuple(product((0.0, 0.25, -0.25, 0.5), repeat=2))  # [1] of a grid in steps; the even one first
+PLACES = 100  # along each side of a room's box, among which its deepest place is looked for
 LOOK_UP_M = 0.5  # [m] below the room's top: from here up the ceiling is looked for
 
 
@@ -65,10 +67,14 @@ def propose_panels(room: Room, free: FreeSpace) -> ProposedPanels:
     while len(plans) > MAX_PANELS:
         pitch *= 1.1
         plans = _plans(room, pitch)
-    centers = _below_the_ceiling(plans, room, free)
-    if len(centers) == 0:  # a narrow or slanted room
-        x, y = room.outline.mean(axis=0)
-        centers = np.array([[x, y, room.ceiling_z - CLEARANCE_M]])
+    if not len(plans):  # a narrow room
+        plans = _deepest_place(room)[None]
+    middle_z = 0.5 * (room.floor_z + room.ceiling_z)
+    centers = _below_the_ceiling(plans, room, free, max(room.ceiling_z - LOOK_UP_M, middle_z))
+    if not len(centers):  # slopes all over
+        centers = _below_the_ceiling(plans, room, free, middle_z)
+    if not len(centers):
+        centers = np.array([[*_deepest_place(room), room.ceiling_z - CLEARANCE_M]])
     return ProposedPanels(
         centers=centers, rotation_deg=-room.wall_angle_deg + 0.0, luminous_flux_lm=PANEL_LM * (pitch / PITCH_M) ** 2
     )
@@ -99,9 +105,17 @@ def _grids(room: Room, pitch_m: float) -> Iterator[FloatArray]:
         yield best @ axes
 
 
-def _below_the_ceiling(plans: FloatArray, room: Room, free: FreeSpace) -> FloatArray:
-    """(panel, 3) centres below the lowest part of the ceiling over each panel; places without air are left out [m]."""
-    start_z = max(room.ceiling_z - LOOK_UP_M, 0.5 * (room.floor_z + room.ceiling_z))
+def _deepest_place(room: Room) -> FloatArray:
+    """(2,) place of the largest room that is farthest from its outline [m]."""
+    low, high = room.outline.min(axis=0), room.outline.max(axis=0)
+    sides = [np.linspace(low[k], high[k], PLACES) for k in (0, 1)]
+    places = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)
+    places = places[within_polygon(places, room.outline)]
+    return np.asarray(places[edge_distance(places, room.outline).argmax()], dtype=np.float64)
+
+
+def _below_the_ceiling(plans: FloatArray, room: Room, free: FreeSpace, start_z: float) -> FloatArray:
+    """(panel, 3) centres below the lowest part of the ceiling over each panel, seen from a height; only in air [m]."""
     starts = np.column_stack([plans, np.full(len(plans), start_z)])
     starts = starts[free.inside(starts)]
     if not len(starts):
@@ -109,9 +123,10 @@ def _below_the_ceiling(plans: FloatArray, room: Room, free: FreeSpace) -> FloatA
     half = PANEL_M / 2
     reach = np.array([[x, y, 0.0] for x in (-half, 0.0, half) for y in (-half, 0.0, half)])
     rays = (starts[:, None] + reach).reshape(-1, 3)
-    up = free.caster.nearest(rays, (0.0, 0.0, 1.0), max_distance=2.0 * LOOK_UP_M).distance
+    highest = room.ceiling_z - start_z + LOOK_UP_M
+    up = free.caster.nearest(rays, (0.0, 0.0, 1.0), max_distance=highest).distance
     up = np.where(np.isfinite(up), up, room.ceiling_z - start_z)  # no ceiling was scanned there
-    lowest = up.reshape(len(starts), -1).min(axis=1, initial=2.0 * LOOK_UP_M)
+    lowest = up.reshape(len(starts), -1).min(axis=1, initial=highest)
     starts[:, 2] += lowest - CLEARANCE_M
     clear: FloatArray = starts[lowest > 2.0 * CLEARANCE_M]
     return clear

@@ -235,6 +235,28 @@ def test_panels_keep_clear_of_ducts_and_follow_a_turned_room(builder) -> None:
     np.testing.assert_allclose(np.abs(sides).min(axis=1), 0.0, atol=0.02)
 
 
+def test_the_panel_of_a_narrow_corridor_round_a_corner_hangs_in_it(builder) -> None:
+    from lidarspectra.room.free_space import FreeSpace
+    from lidarspectra.room.room import find_room
+    from lidarspectra.workflow.init.proposed_lamps import propose_panels
+
+    corridor = builder(step_m=0.2)
+    corner, width_m, long_m, high_m = [0.0, 0.0], 0.95, 4.0, 2.6
+    plan = [corner, [long_m, 0.0], [long_m, width_m], [width_m, width_m], [width_m, long_m], [0.0, long_m]]
+    for start, end in zip(plan, [*plan[1:], plan[0]], strict=True):
+        side = np.subtract(end, start)
+        corridor.rectangle([*start, 0.0], [0.0, 0.0, high_m], [*side, 0.0])
+    for z, faces_up in ((0.0, True), (high_m, False)):
+        for low, sides in (([0.0, 0.0], [long_m, width_m]), ([0.0, width_m], [width_m, long_m - width_m])):
+            first, second = [sides[0], 0.0, 0.0], [0.0, sides[1], 0.0]
+            corridor.rectangle([*low, z], *((first, second) if faces_up else (second, first)))
+    scan = corridor.scan()
+    found = find_room(scan)
+    panels = propose_panels(found, FreeSpace(scan, found))
+    assert found.in_plan(panels.centers).all()
+    assert len(panels) == 1
+
+
 @pytest.mark.usefixtures("looked_once")
 @pytest.mark.parametrize(
     "name",

@@ -12,8 +12,10 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.orientation import find_orientation
 from lidarspectra.material.lit_lamps.lit_lamps import search_lit_lamps
 from lidarspectra.room.closing import close_room
+from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import find_room
 from lidarspectra.room.sensor_points import grid_points
+from lidarspectra.workflow.init.proposed_lamps import PANEL_M, propose_panels
 
 NOISE_M = 0.006  # [m] of a phone's mesh
 LENGTH_M, WIDTH_M = 5.0, 4.0
@@ -100,6 +102,15 @@ def test_sensors_in_an_attic_are_below_its_slopes(builder) -> None:
     assert (points[:, 2] < highest).all()
     where_one_can_be = LENGTH_M * (WIDTH_M - 2 * 0.6)
     assert len(points) == pytest.approx(where_one_can_be / 0.3**2, rel=0.15)
+
+
+def test_panels_that_are_proposed_under_slopes_alone_hang_below_them(builder) -> None:
+    scan = attic(builder, knee_m=1.0, top_m=3.0, run_m=2.0)
+    room = find_room(scan)
+    free = FreeSpace(scan, room)
+    panels = propose_panels(room, free)
+    corners = np.array([[x, y, 0.0] for x in (-0.5, 0.5) for y in (-0.5, 0.5)]) * PANEL_M
+    assert free.inside((panels.centers[:, None] + corners).reshape(-1, 3)).all()
 
 
 def painted_slope(paint: Any, run_m: float, rise_m: float, size_m: tuple[float, float], *, is_round: bool) -> Any:
