@@ -14,12 +14,11 @@ from lidarspectra.arrays import ByteArray, FloatArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.textures import check_texture_total
 from lidarspectra.hardware.phone.polygons import polygon_triangles
-from lidarspectra.hardware.phone.raw_mesh import FileFolder, MeshPart, RawMesh, missing_file_notes
+from lidarspectra.hardware.phone.raw_mesh import MOST_FLOAT_COLOR, FileFolder, MeshPart, RawMesh, missing_file_notes
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 _MAX_NUMBERS = 2**40  # larger indices than any file can hold
 _NO_INDEX = -1
-_MOST_FLOAT_COLOR = 2.0  # [1] of colours behind positions: brighter ones are bytes, 0 to 255
 _VECTOR_OPTIONS = ("-o", "-s", "-t")  # of map_Kd, of one to three numbers; whose others have their default
 _IMAGE_OPTION_ARGUMENTS = {
     "-mm": 2, "-blendu": 1, "-blendv": 1, "-boost": 1, "-texres": 1, "-clamp": 1,
@@ -204,7 +203,7 @@ def _vertex_arrays(rows: list[list[float]]) -> tuple[FloatArray, FloatArray | No
     colors = np.array([row[3:6] for row in rows], dtype=np.float64)
     with np.errstate(invalid="ignore"):
         # Some programs write bytes, others colours that rounding or light left a little above 1.
-        scale = 255.0 if np.nanmax(colors, initial=0.0) > _MOST_FLOAT_COLOR else 1.0
+        scale = 255.0 if np.nanmax(colors, initial=0.0) > MOST_FLOAT_COLOR else 1.0
     return vertices, colors / scale
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from trimesh.visual.color import ColorVisuals
 from trimesh.visual.texture import TextureVisuals
 
@@ -16,6 +17,7 @@ from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.polygons import polygon_triangles
 from lidarspectra.hardware.phone.raw_mesh import (
+    MOST_FLOAT_COLOR,
     PARSER_FAULTS,
     FileFolder,
     MeshPart,
@@ -24,6 +26,7 @@ from lidarspectra.hardware.phone.raw_mesh import (
     missing_file_notes,
 )
 
+_COLOR_NAMES = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
 _TEXTURE_FILE = re.compile(r"(?i)comment\s+texturefile\s+(.+)")
 
 
@@ -146,7 +149,7 @@ def _of_polygons(mesh: trimesh.Trimesh) -> tuple[MeshPart, IntArray | None] | No
 
     trimesh makes fans of them, which cover more than a hollow polygon, and leaves their colours as they are.
     """
-    rows = _column(mesh, "face", "vertex_indices", "vertex_index")
+    rows = _corners(mesh)
     if rows is None or rows.shape[1:] == (3,) or all(len(row) == 3 for row in rows):
         return None
     sizes = np.array([len(row) for row in rows], dtype=np.int64)
@@ -164,7 +167,7 @@ def _of_polygons(mesh: trimesh.Trimesh) -> tuple[MeshPart, IntArray | None] | No
         faces=faces,
         image=-1 if uv is None else 0,
         corner_uv=uv,
-        corner_color=_polygon_colors(mesh, faces, polygon) if uv is None else None,
+        corner_color=_file_colors(mesh, faces, polygon),
     ), told
 
 
@@ -180,15 +183,31 @@ def _polygon_uv(mesh: trimesh.Trimesh, faces: IntArray, places: IntArray) -> Flo
     return None
 
 
-def _polygon_colors(mesh: trimesh.Trimesh, faces: IntArray, polygon: IntArray) -> FloatArray | None:
-    """(triangle, 3, 3) sRGB-encoded colours, of vertices or of polygons."""
+def _corners(mesh: trimesh.Trimesh) -> Any:
+    """Corner numbers of each of a PLY's faces, a row each; None where it has none."""
+    return _column(mesh, "face", "vertex_indices", "vertex_index")
+
+
+def _file_colors(mesh: trimesh.Trimesh, faces: IntArray, polygon: IntArray) -> FloatArray | None:
+    """(triangle, 3, 3) sRGB-encoded colours that a PLY has of vertices or of polygons; None where it has none.
+
+    trimesh leaves colours out beside texture coordinates, knows one set of names, and takes all floats for 0 to 1.
+    """
     for element, at in (("vertex", faces), ("face", polygon[:, np.newaxis].repeat(3, axis=1))):
-        columns = [_column(mesh, element, name) for name in ("red", "green", "blue")]
-        if all(column is not None for column in columns):
-            values = np.column_stack(columns)
-            full = 1.0 if values.dtype.kind == "f" else 255.0 if values.max() <= 255 else float(np.iinfo("u2").max)
-            return np.asarray(values[at] / full, dtype=np.float64)
+        for names in _COLOR_NAMES:
+            columns = [_column(mesh, element, name) for name in names]
+            if all(column is not None for column in columns):
+                values = np.column_stack(columns)
+                return np.asarray(values[at] / _full_scale(values), dtype=np.float64)
     return None
+
+
+def _full_scale(values: NDArray[np.generic]) -> float:
+    """What stands for 1 in a file's colours."""
+    if values.dtype.kind == "f":
+        with np.errstate(invalid="ignore"):
+            return 255.0 if np.nanmax(values, initial=0.0) > MOST_FLOAT_COLOR else 1.0
+    return 255.0 if values.max(initial=0) <= 255 else float(np.iinfo("u2").max)
 
 
 def _with_images(
@@ -214,7 +233,10 @@ def _with_images(
         for number in np.unique(numbers).tolist():
             those = numbers == number
             uv = part.corner_uv[those] if number in place else None
-            cut.append(replace(part, faces=part.faces[those], image=place.get(number, -1), corner_uv=uv))
+            color = None if part.corner_color is None else part.corner_color[those]
+            cut.append(
+                replace(part, faces=part.faces[those], image=place.get(number, -1), corner_uv=uv, corner_color=color)
+            )
     if not unknown:
         return tuple(images), tuple(cut), ()
     note = (
@@ -227,15 +249,14 @@ def _with_images(
 def _part(mesh: trimesh.Trimesh) -> MeshPart:
     vertices = np.array(mesh.vertices, dtype=np.float64)
     faces = np.array(mesh.faces, dtype=np.int64)
+    rows, color = _corners(mesh), None
+    if rows is not None and len(rows) == len(faces):  # with coordinates of corners trimesh has vertices of its own
+        color = _file_colors(mesh, np.array([*rows], dtype=np.int64), np.arange(len(faces)))
     visual = mesh.visual
     if isinstance(visual, TextureVisuals):
         uv = np.zeros((0, 2)) if visual.uv is None else np.asarray(visual.uv, dtype=np.float64)
         if uv.shape == (len(vertices), 2):
-            return MeshPart(vertices=vertices, faces=faces, image=0, corner_uv=uv[faces])
-        return MeshPart(vertices=vertices, faces=faces)
-    color: FloatArray | None = None
-    if isinstance(visual, ColorVisuals) and visual.kind == "vertex":
-        color = np.asarray(visual.vertex_colors, dtype=np.float64)[faces, :3] / 255.0
-    elif isinstance(visual, ColorVisuals) and visual.kind == "face":
+            return MeshPart(vertices=vertices, faces=faces, image=0, corner_uv=uv[faces], corner_color=color)
+    elif color is None and isinstance(visual, ColorVisuals) and visual.kind == "face":  # of an STL
         color = np.repeat(np.asarray(visual.face_colors, dtype=np.float64)[:, np.newaxis, :3], 3, axis=1) / 255.0
     return MeshPart(vertices=vertices, faces=faces, corner_color=color)

@@ -25,6 +25,7 @@ MAX_FACES = 20_000_000  # about 6 GB as a Scan
 MAX_FILE_BYTES = 2 * 1024**3  # [byte] a room with an 8k texture is below 0.2 GB
 LONGEST_NAME = 255  # [byte] longest name of a file or folder on common file systems
 MAX_COORDINATE = 1e9  # [unit of the file] beyond it the rounding of 32-bit floats exceeds any geometry
+MOST_FLOAT_COLOR = 2.0  # [1] of colours at vertices: brighter ones are bytes, 0 to 255
 MAX_PHOTOGRAPH = 1.05  # [1] widths of its picture that a photographed part spans; a pattern is repeated
 
 _DEVICE = re.compile(r"(?i)\s*(con|prn|aux|nul|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³])\s*(\..*)?", re.DOTALL)

@@ -894,6 +894,31 @@ def test_a_hollow_polygon_of_a_ply_is_covered_and_nothing_beside_it(
     assert read_scan(path, up="+z", unit="m").areas.sum() == pytest.approx(area_m2 + more)
 
 
+@pytest.mark.parametrize(
+    ("properties", "values"),
+    [
+        ("uchar diffuse_red uchar diffuse_green uchar diffuse_blue", "255 0 51"),
+        ("uchar r uchar g uchar b", "255 0 51"),
+        ("float red float green float blue", "255 0 51"),
+        ("float red float green float blue", "1 0 0.2"),
+        ("float s float t uchar red uchar green uchar blue", "0.1 0.2 255 0 51"),
+    ],
+)
+@pytest.mark.parametrize("of_corners", [False, True])
+def test_colours_of_a_plys_vertices_are_found_by_other_names_and_beside_coordinates_without_a_picture(
+    tmp_path: Path, properties: str, values: str, of_corners: bool
+) -> None:
+    words = properties.split()
+    declared = "".join(f"property {kind} {name}\n" for kind, name in zip(words[::2], words[1::2], strict=True))
+    corners = [f"{place} {values}" for place in ("0 0 0", "3 0 0", "3 3 0", "0 3 0")]
+    coordinates, listed = (" 6 0 0 1 0 1 1", "property list uchar float texcoord\n") if of_corners else ("", "")
+    faces = [f"3 0 1 2{coordinates}", f"3 0 2 3{coordinates}"]
+    path = write_ply(tmp_path / "a.ply", corners, faces, of_vertex=declared, of_face=listed)
+    scan = read_scan(path, up="+z", unit="m")
+    assert scan.appearance.known
+    np.testing.assert_allclose(scan.appearance.corner_color, np.broadcast_to([1.0, 0.0, 0.2], (2, 3, 3)), atol=1e-6)
+
+
 def test_colours_and_pictures_of_polygons_of_a_ply_stay_with_them(tmp_path: Path) -> None:
     corners = ["0 0 0", "3 0 0", "3 3 0", "0 3 0", "6 0 0", "6 3 0", "9 0 0"]
     faces = ["4 0 1 2 3 255 0 0", "3 4 6 5 0 255 0", "4 1 4 5 2 0 0 255"]
