@@ -17,7 +17,6 @@ of that colour.
 """
 
 import csv
-import io
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -27,6 +26,7 @@ from typing import Literal, cast, get_args
 import numpy as np
 
 from lidarspectra.errors import DatabaseError, MaterialError
+from lidarspectra.io.csv_cells import csv_rows
 from lidarspectra.material.colors import color_difference
 from lidarspectra.material.matching import FAR_COLOR
 from lidarspectra.material.material_map import Material, MaterialMap, Provenance, SurfaceKind
@@ -102,16 +102,18 @@ def read_assignments(path: Path) -> Assignments:
         If it is no such file; the line is named.
     """
     try:
-        reader = csv.DictReader(io.StringIO(read_text(path), newline=""))
-        columns = [str(name).strip().lower() for name in reader.fieldnames or ()]
+        lines = [
+            (number, [cell.strip() for cell in row])
+            for number, row in enumerate(csv_rows(read_text(path).splitlines()), start=1)
+            if any(cell.strip() for cell in row)
+        ]
+        columns = [name.lower() for name in lines[0][1]] if lines else []
         by: Literal["group", "face"] = "face" if "face" in columns else "group"
         if by not in columns or "reflectance" not in columns:
             raise _fault(path, 1, expected="columns 'group' (or 'face') and 'reflectance'", found=", ".join(columns))
-        reader.fieldnames = columns
         rows: dict[str, Assignment] = {}
-        for cells in reader:
-            line = reader.line_num
-            texts = {str(key): str(value or "").strip() for key, value in cells.items() if key is not None}
+        for line, cells in lines[1:]:
+            texts = dict.fromkeys(columns, "") | dict(zip(columns, cells, strict=False))
             target = texts[by]
             if not target.isdecimal() and not (by == "group" and target == ALL_GROUPS):
                 raise _fault(path, line, expected=f"the number of a {by}", found=f"'{target}'")

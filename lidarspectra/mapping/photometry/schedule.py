@@ -1,7 +1,6 @@
 """When lamps are lit through a day, and a cell's charge and energy per day."""
 
 import csv
-import io
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,6 +10,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
+from lidarspectra.io.csv_cells import csv_rows
 from lidarspectra.spectra.spectrum_files import read_text
 
 DAY_H = 24.0  # [h]
@@ -159,18 +159,26 @@ def read_schedule(path: Path) -> tuple[Shift, ...]:
     MapError
         If a column is missing or a time is malformed; the row is named.
     """
-    try:
-        names, *rows = ([cell.strip() for cell in row] for row in csv.reader(io.StringIO(read_text(path))) if row)
-    except (csv.Error, ValueError) as cause:  # a ValueError if there is no row
-        raise MapError(expected="a table of shifts (CSV)", found=str(cause), where=str(path)) from cause
-    names = [name.lower() for name in names]
+    names, rows = table_of(path)
     for name in ("lamp", "from", "to"):
         if name not in names:
             raise MapError(expected=f"a column '{name}'", found=", ".join(names) or "nothing", where=str(path))
-    shifts = tuple(_shift(names, row, where=f"{path}, row {number}") for number, row in enumerate(rows, start=2))
+    shifts = tuple(_shift(names, row, where=f"{path}, line {number}") for number, row in rows)
     if not shifts:
         raise MapError(expected="one or more shifts", found="none", where=str(path))
     return shifts
+
+
+def table_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Headings of a table, in small letters, and the number and cells of each line below; errors as `read_schedule`."""
+    try:
+        lines = enumerate(csv_rows(read_text(path).splitlines()), start=1)
+        (_, names), *rows = (
+            (number, [cell.strip() for cell in row]) for number, row in lines if any(cell.strip() for cell in row)
+        )
+    except (csv.Error, ValueError) as cause:  # a ValueError if there is no row
+        raise MapError(expected="a table of shifts (CSV)", found=str(cause), where=str(path)) from cause
+    return [name.lower() for name in names], rows
 
 
 def _shift(names: Sequence[str], row: Sequence[str], *, where: str) -> Shift:

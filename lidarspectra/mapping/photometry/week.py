@@ -11,8 +11,6 @@ Faust, Logan 2018, HortScience 53, 1250-1257: daily light integrals. CIE S 026:2
 the dose of light as field studies of circadian light report it (Brown et al. 2022, PLOS Biology 20, e3001571).
 """
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,8 +33,8 @@ from lidarspectra.mapping.photometry.schedule import (
     Shift,
     read_schedule,
     require_full_at_most,
+    table_of,
 )
-from lidarspectra.spectra.spectrum_files import read_text
 from lidarspectra.words import counted
 
 DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
@@ -73,14 +71,13 @@ def read_week(path: Path) -> tuple[WeekShift, ...]:
         As `read_schedule`, and if a day is malformed; the row is named.
     """
     shifts = read_schedule(path)
-    names, *rows = ([cell.strip() for cell in row] for row in csv.reader(io.StringIO(read_text(path))) if row)
-    names = [name.lower() for name in names]
+    names, rows = table_of(path)
     if "days" not in names:
         return tuple(WeekShift(days=tuple(range(len(DAYS))), shift=shift) for shift in shifts)
     column = names.index("days")
     return tuple(
-        WeekShift(days=_days(row[column], where=f"{path}, row {number}"), shift=shift)
-        for number, (row, shift) in enumerate(zip(rows, shifts, strict=True), start=2)
+        WeekShift(days=_days(row[column], where=f"{path}, line {number}"), shift=shift)
+        for (number, row), shift in zip(rows, shifts, strict=True)
     )
 
 

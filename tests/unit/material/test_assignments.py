@@ -61,6 +61,14 @@ def test_a_spectrum_file_lies_beside_the_assignments(estimated, tmp_path):
     assert found.materials[0].measured_range_nm == (400, 700)
 
 
+def test_a_file_may_be_saved_by_a_german_spreadsheet_and_begin_with_its_name(estimated, tmp_path):
+    text = "# my-materials.csv\ngroup;reflectance;specularity\n0;builtin:wooden-cabinet;0,05\n;;\n1;;\n"
+    materials = done(estimated, tmp_path, text)
+    assert materials.materials[0].source == "builtin:wooden-cabinet"
+    assert materials.materials[0].specularity == pytest.approx(0.05)
+    assert materials.materials[1].provenance == estimated.materials[1].provenance
+
+
 def test_the_spectrum_files_of_assignments_are_known_before_they_are_read(tmp_path):
     path = tmp_path / "assignments.csv"
     path.write_text("group,reflectance\n0,carpet.csv\n1,white-wall\n2,sub/Wall.CSV\n", encoding="utf-8")
