@@ -69,10 +69,7 @@ def propose_panels(room: Room, free: FreeSpace) -> ProposedPanels:
         plans = _plans(room, pitch)
     if not len(plans):  # a narrow room
         plans = _deepest_place(room)[None]
-    middle_z = 0.5 * (room.floor_z + room.ceiling_z)
-    centers = _below_the_ceiling(plans, room, free, max(room.ceiling_z - LOOK_UP_M, middle_z))
-    if not len(centers):  # slopes all over
-        centers = _below_the_ceiling(plans, room, free, middle_z)
+    centers = _below_the_ceiling(plans, room, free)
     if not len(centers):
         centers = np.array([[*_deepest_place(room), room.ceiling_z - CLEARANCE_M]])
     return ProposedPanels(
@@ -114,19 +111,21 @@ def _deepest_place(room: Room) -> FloatArray:
     return np.asarray(places[edge_distance(places, room.outline).argmax()], dtype=np.float64)
 
 
-def _below_the_ceiling(plans: FloatArray, room: Room, free: FreeSpace, start_z: float) -> FloatArray:
-    """(panel, 3) centres below the lowest part of the ceiling over each panel, seen from a height; only in air [m]."""
-    starts = np.column_stack([plans, np.full(len(plans), start_z)])
+def _below_the_ceiling(plans: FloatArray, room: Room, free: FreeSpace) -> FloatArray:
+    """(panel, 3) centres below the lowest part of the ceiling over each panel; places without air are left out [m]."""
+    middle_z = 0.5 * (room.floor_z + room.ceiling_z)
+    starts = np.column_stack([plans, np.full(len(plans), max(room.ceiling_z - LOOK_UP_M, middle_z))])
+    starts[~free.inside(starts), 2] = middle_z  # below a slope
     starts = starts[free.inside(starts)]
     if not len(starts):
         return starts
     half = PANEL_M / 2
     reach = np.array([[x, y, 0.0] for x in (-half, 0.0, half) for y in (-half, 0.0, half)])
     rays = (starts[:, None] + reach).reshape(-1, 3)
-    highest = room.ceiling_z - start_z + LOOK_UP_M
-    up = free.caster.nearest(rays, (0.0, 0.0, 1.0), max_distance=highest).distance
-    up = np.where(np.isfinite(up), up, room.ceiling_z - start_z)  # no ceiling was scanned there
-    lowest = up.reshape(len(starts), -1).min(axis=1, initial=highest)
+    ceiling = np.repeat(room.ceiling_z - starts[:, 2], len(reach))  # where none was scanned
+    up = free.caster.nearest(rays, (0.0, 0.0, 1.0), max_distance=room.height_m).distance
+    up = np.where(up < ceiling + LOOK_UP_M, up, ceiling)
+    lowest = up.reshape(len(starts), -1).min(axis=1)
     starts[:, 2] += lowest - CLEARANCE_M
     clear: FloatArray = starts[lowest > 2.0 * CLEARANCE_M]
     return clear

@@ -104,6 +104,15 @@ def test_sensors_in_an_attic_are_below_its_slopes(builder) -> None:
     assert len(points) == pytest.approx(where_one_can_be / 0.3**2, rel=0.15)
 
 
+def test_panels_are_proposed_below_all_of_a_slope(builder) -> None:
+    found = []
+    for tilt_deg in (0.0, 12.0):
+        scan = shed(builder, tilt_deg)
+        room = find_room(scan)
+        found.append(propose_panels(room, FreeSpace(scan, room)).centers[:, :2])
+    np.testing.assert_allclose(found[0], found[1], atol=0.05)
+
+
 def test_panels_that_are_proposed_under_slopes_alone_hang_below_them(builder) -> None:
     scan = attic(builder, knee_m=1.0, top_m=3.0, run_m=2.0)
     room = find_room(scan)
@@ -111,6 +120,7 @@ def test_panels_that_are_proposed_under_slopes_alone_hang_below_them(builder) ->
     panels = propose_panels(room, free)
     corners = np.array([[x, y, 0.0] for x in (-0.5, 0.5) for y in (-0.5, 0.5)]) * PANEL_M
     assert free.inside((panels.centers[:, None] + corners).reshape(-1, 3)).all()
+    assert len(panels) > 1
 
 
 def painted_slope(paint: Any, run_m: float, rise_m: float, size_m: tuple[float, float], *, is_round: bool) -> Any:
