@@ -98,6 +98,7 @@ def materials_table(materials: Sequence[Material], areas_m2: FloatArray, bands: 
     Parameters
     ----------
     materials : sequence of Material
+        By the numbers of their groups in materials.csv, which files of assignments name.
     areas_m2 : (material,) float
         [m²]
     bands : (band,) float
@@ -108,7 +109,7 @@ def materials_table(materials: Sequence[Material], areas_m2: FloatArray, bands: 
     chosen = [materials[index] for index in order]
     frame = pd.DataFrame(
         {
-            "no.": np.arange(1, len(chosen) + 1),
+            "group": order,
             "material": [material.name for material in chosen],
             "colour": [hex_color(material.color) for material in chosen],
             "class": [material.category for material in chosen],
@@ -124,7 +125,7 @@ def materials_table(materials: Sequence[Material], areas_m2: FloatArray, bands: 
     formats = {"area [m²]": ".2f", "share [%]": ".1f", "mean reflectance [1]": ".2f", "confidence [1]": ".2f"}
     return Table(
         name="materials",
-        caption="Materials by area, with the colour that the scan shows.",
+        caption="Materials by area, with the colour that the scan shows, and their number in materials.csv (group).",
         frame=frame,
         formats=formats,
     )

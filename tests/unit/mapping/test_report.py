@@ -17,6 +17,7 @@ from lidarspectra.mapping.figures.figure_style import new_figure
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report import report_writer
 from lidarspectra.mapping.report.report import ReportInput, ReportView, StageRow, write_report
+from lidarspectra.mapping.report.report_tables import materials_table
 from lidarspectra.mapping.report.report_writer import ReportWriter
 from lidarspectra.workflow.report.report_of_run import kept_svg
 
@@ -301,6 +302,13 @@ def test_a_folder_that_cannot_be_made_is_one_clear_error(report, tmp_path):
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
     with pytest.raises(MapError, match="can be written"):
         write_report(tmp_path / "file", report)
+
+
+def test_materials_have_the_numbers_by_which_a_file_of_assignments_names_them(make_material) -> None:
+    materials = [make_material("small"), make_material("large"), make_material("middle")]
+    frame = materials_table(materials, np.array([1.0, 9.0, 4.0]), np.array([410.0, 560.0])).frame
+    assert dict(zip(frame["material"], frame["group"], strict=True)) == {"large": 1, "middle": 2, "small": 0}
+    assert frame["area [m²]"].tolist() == [9.0, 4.0, 1.0]
 
 
 def test_areas_that_do_not_fit_the_materials_are_refused(report):
