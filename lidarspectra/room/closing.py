@@ -15,6 +15,7 @@ from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from lidarspectra.geometry.appearance import CLOSED_KINDS, NEUTRAL_COLOR, NO_COLOR, Appearance
 from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.geometry.textures import subdivision_barycentrics
 from lidarspectra.room.free_space import FreeSpace, sphere_directions
 from lidarspectra.room.plan_cells import PlanMask, outlines
 from lidarspectra.room.room import Room
@@ -27,6 +28,7 @@ OVERLAP_M = 0.2  # [m] a plate goes so far beyond the outline, so that no slit i
 BRIDGED_M = 0.4  # [m] rooms no farther apart have one shell: what is between them is a wall
 MIN_HITS = 5  # rays that leave by a square of the shell, from which it is closed: fewer are cracks of the mesh
 ROUNDS = 2  # of closing: what the first leaves open is mostly seen past its edges
+PARTS = 5  # along a triangle's side, by which its share in the plan is found: of 5 cm
 TRIED_POINTS = 600
 SEEN_FROM = 150  # points of the room's free space that openings are looked for from
 HEIGHTS = (0.2, 0.5, 0.8)  # of the room's height, at which they lie
@@ -43,7 +45,7 @@ class Openness:
     up, down, aside : float
         Through a missing ceiling, floor or side, of all directions. [0-1]
     closed_ceiling_m2, closed_floor_m2, closed_side_m2 : float
-        Area of what was closed; 0 where nothing was. [m²]
+        Area of what was closed, of ceiling and floor in the plan; 0 where nothing was. [m²]
     """
 
     up: float = 0.0
@@ -213,15 +215,23 @@ def close_room(
         closed = _with_squares(closed, shell.some(wanted))
         hits = _hits(closed, shell, points)
     share = np.bincount(shell.kind, weights=hits, minlength=len(CLOSED_KINDS)) / max(1, len(points) * len(DIRECTIONS))
-    area = [float(closed.areas[closed.appearance.of_kind(kind)].sum()) for kind in CLOSED_KINDS]
+    sides_m2 = float(closed.areas[closed.appearance.of_kind(CLOSED_KINDS[SIDE])].sum())
     return closed, Openness(
         up=float(share[CEILING]),
         down=float(share[FLOOR]),
         aside=float(share[SIDE]),
-        closed_ceiling_m2=area[CEILING],
-        closed_floor_m2=area[FLOOR],
-        closed_side_m2=area[SIDE],
+        closed_ceiling_m2=_area_in_plan(closed, room, CEILING),
+        closed_floor_m2=_area_in_plan(closed, room, FLOOR),
+        closed_side_m2=sides_m2,
     )
+
+
+def _area_in_plan(scan: Scan, room: Room, kind: int) -> float:
+    """Area of what closes a scan above or below its plan, without what reaches behind the walls [m²]."""
+    faces = np.flatnonzero(scan.appearance.of_kind(CLOSED_KINDS[kind]))
+    places = np.einsum("sc,fcd->fsd", subdivision_barycentrics(PARTS), scan.corners[faces])
+    inside = room.in_plan(places.reshape(-1, 3)).reshape(len(faces), PARTS**2)
+    return float(scan.areas[faces] @ inside.mean(axis=1))
 
 
 def _free_points(scan: Scan, room: Room) -> FloatArray:

@@ -44,6 +44,8 @@ def test_a_missing_ceiling_and_floor_are_closed_where_the_walls_end(builder, lea
     assert lost_from(scan, MIDDLE) > 0.15
     assert lost_from(closed, MIDDLE) < 0.005
     assert openness.total < 0.01
+    for side, closed_m2 in (("top", openness.closed_ceiling_m2), ("bottom", openness.closed_floor_m2)):
+        assert closed_m2 == pytest.approx(room.area_m2 if side in leave_out else 0.0, rel=0.02)
     added = np.arange(len(scan.faces), len(closed.faces))
     assert (closed.appearance.sources[added] == NO_COLOR).all()
     up = closed.normals[added, 2]
