@@ -191,7 +191,8 @@ class MaterialMap:
                 f"{100 * default / total:.1f} % of the area has no colour in the scan and gets the default material. "
                 'Assign materials there (method = "file" under [materials]) if it is near the sensors.'
             )
-        unseen = float((face_areas * (1.0 - self.face_seen)).sum())
+        of_picture = np.array(estimated, dtype=np.bool_)[self.face_material]  # others have a material without one
+        unseen = float((face_areas * (1.0 - self.face_seen))[of_picture].sum())
         if any(estimated) and unseen > UNSEEN_WARNING * total:
             words.append(
                 f"{100 * unseen / total:.1f} % of the area was seen by no view and takes the material of its "

@@ -63,6 +63,9 @@ def test_a_drawn_wall_gets_the_typical_reflectance_and_a_photographed_one_its_ow
     assert typical.uncertainty.at([555.0], outside="nearest") == pytest.approx(wall.deviation)
     said = "\n".join(found.warnings(box.areas))
     assert "wall 0.65 ± 0.15" in said
+    unseen = replace(found, face_seen=np.zeros(len(box.faces))).warnings(box.areas)
+    pictured = f"{100 * box.areas[~half].sum() / box.areas.sum():.1f} %"
+    assert any(f"{pictured} of the area was seen by no view" in words for words in unseen), "names need no view"
 
 
 def test_without_names_the_drawn_colour_counts(box) -> None:
