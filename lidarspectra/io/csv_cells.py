@@ -1,10 +1,19 @@
 """Cells of small CSV tables as people and spreadsheets write them."""
 
 import csv
+import io
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 DELIMITERS = ",;\t"
+MISSING = [  # what pandas takes for a missing number by default
+    "", "#N/A", "#N/A N/A", "#NA", "-1.#IND", "-1.#QNAN", "-NaN", "-nan", "1.#IND", "1.#QNAN", "<NA>", "N/A", "NA",
+    "NULL", "NaN", "None", "n/a", "nan", "null",
+]  # fmt: skip
 _DECIMAL_COMMA = re.compile(r"^(\s*[+-]?\d+),(\d+\s*)$")
 
 
@@ -22,3 +31,39 @@ def csv_rows(lines: Iterable[str]) -> Iterator[list[str]]:
         delimiter = delimiter or max(DELIMITERS, key=line.count)
         cells = next(csv.reader([line], delimiter=delimiter), [])
         yield cells if delimiter == "," else [_DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells]
+
+
+def csv_records(lines: Iterable[str]) -> Iterator[dict[str, str]]:
+    """Cells of each line below the header by their headings, '' where a line is shorter; blank lines are left out."""
+    rows = ([cell.strip() for cell in cells] for cells in csv_rows(lines))
+    header = next(rows, [])
+    for cells in rows:
+        if any(cells):
+            yield dict(zip(header, [*cells, *[""] * (len(header) - len(cells))], strict=False))
+
+
+def read_table(text: str, names: Collection[str], **options: Any) -> "pd.DataFrame":
+    """A table as pandas.read_csv reads it, but for columns of names, whose cells stay as they are written.
+
+    For pandas 'NA', 'None' and 'nan' are missing, and '007' is 7.
+
+    Parameters
+    ----------
+    text : str
+    names : collection of str
+        What columns of names are called, in small letters.
+    options
+        Of pandas.read_csv.
+    """
+    import pandas as pd
+
+    headings = pd.read_csv(io.StringIO(text), **options, nrows=0).columns
+    named = [heading for heading in headings if str(heading).strip().lower() in names]
+    table: pd.DataFrame = pd.read_csv(
+        io.StringIO(text),
+        **options,
+        dtype=dict.fromkeys(named, str),
+        keep_default_na=False,
+        na_values={heading: MISSING for heading in headings if heading not in named},
+    )
+    return table.assign(**{heading: table[heading].fillna("").str.strip() for heading in named})

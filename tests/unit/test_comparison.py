@@ -338,3 +338,19 @@ def test_a_number_sign_begins_a_comment_at_the_start_of_a_line_alone(tmp_path: P
     assert found["name"].tolist() == ["desk #1", "shelf"]
     assert found["lux"].tolist() == [300, 100]
     assert found["z"].tolist() == [0.8, 1.0]
+
+
+def test_names_in_a_table_of_readings_are_words_whatever_they_say(tmp_path: Path) -> None:
+    path = tmp_path / "readings.csv"
+    path.write_text("name,sensor,x,y,z,lux\nNA,007,0,0,1,300\n1,nan,1,0,1,NA\n", encoding="utf-8")
+    table = read_readings(path)
+    assert table["name"].tolist() == ["NA", "1"]
+    assert table["sensor"].tolist() == ["007", "nan"]
+    assert table["lux"].isna().tolist() == [False, True]
+
+
+def test_a_number_of_hundreds_of_digits_is_refused_in_words(tmp_path: Path) -> None:
+    path = tmp_path / "readings.csv"
+    path.write_text(f"x,y,z,E_410\n0,0,1,{'9' * 400}\n", encoding="utf-8")
+    with pytest.raises(MapError, match="column 'E_410', reading 1"):
+        read_readings(path)

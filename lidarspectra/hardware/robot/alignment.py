@@ -8,7 +8,6 @@ References
 W. Kabsch, Acta Cryst. A32, 922 (1976). S. Umeyama, IEEE PAMI 13, 376 (1991), Eq. 34 to 43.
 """
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ReadingError
+from lidarspectra.io.csv_cells import csv_records, csv_rows
 
 SCALE_TOLERANCE = 0.1  # a larger relative difference in scale means different units, or different points
 DEGENERATE = 1e-6  # relative extent below which points on a line (3D) or in a spot do not define a frame
@@ -167,13 +167,13 @@ def read_point_pairs(path: Path) -> tuple[tuple[str, ...], FloatArray, FloatArra
     Raises
     ------
     ReadingError
-        If a column is missing, or a cell is not a number; the message names the line.
+        If a column is missing, or a cell is not a number; the message names the row.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file)
+            lines = [line for line in file if line.strip() and not line.startswith("#")]
             wanted = {"name", "robot_x", "robot_y", "scan_x", "scan_y"}
-            missing = sorted(wanted - set(reader.fieldnames or ()))
+            missing = sorted(wanted - {name.strip() for name in next(csv_rows(lines), [])})
             if missing:
                 raise ReadingError(
                     expected=f"columns {', '.join(sorted(wanted))}",
@@ -182,15 +182,13 @@ def read_point_pairs(path: Path) -> tuple[tuple[str, ...], FloatArray, FloatArra
                     todo="Write one line for each point that you know in both frames.",
                 )
             names, robot, scan = [], [], []
-            for number, row in enumerate(reader, start=2):
+            for number, row in enumerate(csv_records(lines), start=1):
                 try:
-                    robot.append(
-                        [float(row[f"robot_{axis}"] or "") for axis in "xy"] + [float(row.get("robot_z") or 0.0)]
-                    )
-                    scan.append([float(row[f"scan_{axis}"] or "") for axis in "xy"] + [float(row.get("scan_z") or 0.0)])
+                    robot.append([float(row[f"robot_{axis}"]) for axis in "xy"] + [float(row.get("robot_z") or 0.0)])
+                    scan.append([float(row[f"scan_{axis}"]) for axis in "xy"] + [float(row.get("scan_z") or 0.0)])
                 except ValueError as cause:
                     raise ReadingError(
-                        expected="numbers [m]", found=str(cause), where=f"{path}, line {number}"
+                        expected="numbers [m]", found=str(cause), where=f"{path}, row {number} below the header"
                     ) from cause
                 names.append(row["name"])
     except (OSError, UnicodeDecodeError) as cause:

@@ -7,7 +7,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ReadingError
-from lidarspectra.hardware.robot.robot import read_locations
+from lidarspectra.hardware.robot.robot import location_table, locations_of
 from lidarspectra.hardware.robot.time_offset import ExpectedLight
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.calibration import reference_bands
@@ -122,19 +122,12 @@ def read_map(path: Path) -> tuple[FloatArray, FloatArray]:
     ReadingError
         If the file has no such columns.
     """
-    import pandas as pd
-
-    positions = read_locations(path)
-    table = pd.read_csv(path, encoding="utf-8-sig", comment="#")
+    table = location_table(path)
+    positions = locations_of(table, path)
     values = np.full((len(table), len(CHANNEL_LABELS)), np.nan)
-    try:
-        for c, label in enumerate(CHANNEL_LABELS):
-            if f"E_{label}" in table.columns:
-                values[:, c] = pd.to_numeric(table[f"E_{label}"], errors="coerce")
-    except OverflowError as cause:  # pandas reads a whole number of hundreds of digits, and cannot make it a float
-        raise ReadingError(
-            expected="spectral irradiances [W/m²/nm]", found=str(cause), where=str(path), todo="Mend that row."
-        ) from cause
+    for c, label in enumerate(CHANNEL_LABELS):
+        if f"E_{label}" in table.columns:
+            values[:, c] = table[f"E_{label}"]
     if not np.isfinite(values).any():
         raise ReadingError(
             expected="columns E_410, E_435, ... [W/m²/nm]",
@@ -143,7 +136,7 @@ def read_map(path: Path) -> tuple[FloatArray, FloatArray]:
             todo="Give the map table of a run.",
         )
     if "buried" in table.columns:
-        is_free = (pd.to_numeric(table["buried"], errors="coerce") == 0).to_numpy()
+        is_free = (table["buried"] == 0).to_numpy()
         if not is_free.any():
             raise ReadingError(
                 expected="a point that is not buried in furniture", found="none", where=str(path),

@@ -9,11 +9,12 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array
-from lidarspectra.errors import ReadingError
+from lidarspectra.errors import MapError, ReadingError
 from lidarspectra.hardware.robot.alignment import Alignment
 from lidarspectra.hardware.robot.time_offset import ExpectedLight, TimeOffset, estimate_time_offset, given_offset
 from lidarspectra.hardware.robot.trajectory import LONGEST_GAP_S, Trajectory
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
+from lidarspectra.hardware.sensor.measured_readings import read_readings
 from lidarspectra.hardware.sensor.readings import POSITION
 from lidarspectra.io.files import write_whole, writing
 
@@ -148,28 +149,25 @@ def read_locations(path: Path) -> FloatArray:
     ReadingError
         If it cannot be read or has no such columns.
     """
+    return locations_of(location_table(path), path)
+
+
+def location_table(path: Path) -> pd.DataFrame:
+    """A table of locations with all its columns; raises ReadingError as `read_locations`."""
     try:
-        table = pd.read_csv(path, encoding="utf-8-sig", comment="#")
-    except (OSError, ValueError, UnicodeDecodeError) as cause:  # pandas' own errors are ValueErrors
-        raise ReadingError(expected="a readable table of locations", found=str(cause), where=str(path)) from cause
-    names = {str(name).strip().lower(): name for name in table.columns}
-    missing = [name for name in POSITION if name not in names]
-    if missing:
+        return read_readings(path)
+    except MapError as cause:
+        expected = "columns x, y, z [m]" if "columns" in cause.expected else "a readable table of locations [m]"
+        raise ReadingError(expected=expected, found=cause.found, where=cause.where, todo="Mend the table.") from cause
+
+
+def locations_of(table: pd.DataFrame, path: Path) -> FloatArray:
+    """(location, 3) places of a table's rows [m]; raises ReadingError at a gap."""
+    numbers = table[list(POSITION)].to_numpy(np.float64)
+    gaps = np.flatnonzero(~np.isfinite(numbers).all(axis=1))
+    if gaps.size:
         raise ReadingError(
-            expected="columns x, y, z [m]",
-            found=", ".join(map(str, table.columns)),
-            where=str(path),
-            todo="Name them so.",
-        )
-    try:
-        numbers = table[[names[name] for name in POSITION]].apply(pd.to_numeric, errors="coerce").to_numpy(np.float64)
-    except OverflowError as cause:  # pandas reads a whole number of hundreds of digits, and cannot make it a float
-        raise ReadingError(
-            expected="numbers in every row", found=str(cause), where=str(path), todo="Mend that row."
-        ) from cause
-    if not len(numbers) or not np.isfinite(numbers).all():
-        raise ReadingError(
-            expected="numbers in every row", found="a gap or a word", where=str(path), todo="Mend that row."
+            expected="numbers in every row", found="a gap", where=f"{path}, row {gaps[0] + 1}", todo="Mend that row."
         )
     return np.asarray(numbers)
 

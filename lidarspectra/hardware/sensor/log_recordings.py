@@ -3,7 +3,6 @@
 A day of 27 sensors at one reading a second has 640 MB: it is read by parts, and only its numbers are kept.
 """
 
-import io
 import itertools
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.log_text import cell_count
 from lidarspectra.hardware.sensor.log_times import MIN_UNIX_S
 from lidarspectra.hardware.sensor.readings import make_readings, with_irradiance
+from lidarspectra.io.csv_cells import read_table
 from lidarspectra.words import were
 
 CHANNEL_COLUMNS = tuple(f"E_{label}" for label in CHANNEL_LABELS)
@@ -66,9 +66,9 @@ def recording(path: Path) -> xr.Dataset | None:
 
 def _numbers(header: str, lines: list[str]) -> pd.DataFrame:
     """Times, names and irradiances of whole rows; a cell that holds no number counts as missing."""
-    table = pd.read_csv(io.StringIO(header + "".join(lines)), usecols=list(COLUMNS), dtype={"sensor": "category"})
+    table = read_table(header + "".join(lines), ("sensor",), usecols=list(COLUMNS))
     numbers = table[["unix_s", *CHANNEL_COLUMNS]].apply(pd.to_numeric, errors="coerce").astype(np.float64)
-    numbers["sensor"] = table["sensor"].astype(str)
+    numbers["sensor"] = table["sensor"]
     return pd.DataFrame(numbers)
 
 

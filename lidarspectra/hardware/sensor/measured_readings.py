@@ -1,6 +1,5 @@
 """Readings of a room in a file: places and channels, as irradiance, as µW/cm², or as plain counts."""
 
-import io
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,6 +22,7 @@ from lidarspectra.hardware.sensor.as7265x import (
     require_gains,
 )
 from lidarspectra.hardware.sensor.log_text import log_text
+from lidarspectra.io.csv_cells import read_table
 
 Unit = Literal["W/m2/nm", "uW/cm2", "counts"]
 Scale = Literal["none", "one", "die", "channel"]
@@ -31,6 +31,7 @@ NUMBERS = ("x", "y", "z", "nx", "ny", "nz", "buried", *SETTINGS)  # columns that
 DELIMITERS = (",", ";", "\t")  # between cells
 LUX_COLUMNS = ("lux", "lx", "illuminance", "illuminance_lx")  # the first of them that a table has
 WORDS = (*NUMBERS, "name", *LUX_COLUMNS, "current_mA")  # known in any case of letters
+NAMES = ("name", "sensor", "label")  # columns whose cells are words, whatever they say
 CHANNELS = ("E_", "SE_")  # how columns of channels and of their uncertainties begin
 
 
@@ -97,17 +98,25 @@ def _table_of(text: str) -> pd.DataFrame:
     delimiter = max(DELIMITERS, key=lines[0].count) if lines else ","
     has_commas = delimiter != "," and any(re.search(r"\d,\d", line) for line in lines)
     # A '#' further on is no comment: pandas would cut the row of 'desk #2' there, and lose its numbers.
-    return pd.read_csv(io.StringIO("\n".join(lines)), sep=delimiter, decimal="," if has_commas else ".")
+    return read_table("\n".join(lines), NAMES, sep=delimiter, decimal="," if has_commas else ".")
 
 
 def _require_numbers(table: pd.DataFrame, columns: Sequence[str], measured: Path) -> None:
     for name in columns:
         if not pd.api.types.is_numeric_dtype(table[name]):
-            wrong = table[name].notna() & pd.to_numeric(table[name], errors="coerce").isna()
+            wrong = table[name].notna() & ~np.isfinite(_coerced(table[name]))
             row = int(np.argmax(wrong.to_numpy()))
             word = str(table[name].iloc[row])
             where = f"{measured}, column '{name}', reading {row + 1}"
             raise MapError(expected="numbers", found=f"'{word[:30]}'", where=where)
+
+
+def _coerced(column: "pd.Series[float]") -> "pd.Series[float]":
+    """A column's numbers, NaN where it has words."""
+    try:
+        return pd.to_numeric(column, errors="coerce")
+    except OverflowError:  # pandas reads a whole number of hundreds of digits, and cannot make it a float
+        return pd.to_numeric(column.astype(str), errors="coerce")
 
 
 def channel_columns(table: pd.DataFrame, labels: Sequence[str], unit: Unit) -> dict[int, str]:
@@ -141,8 +150,8 @@ def lux_column(table: pd.DataFrame) -> str | None:
 
 def numbers_of(table: pd.DataFrame, column: str, where: Path) -> FloatArray:
     """(reading,) A column's numbers, NaN where a field is empty; raises MapError at a word."""
-    values = pd.to_numeric(table[column], errors="coerce")
-    broken = values.isna() & table[column].notna()
+    values = _coerced(table[column])
+    broken = ~np.isfinite(values) & table[column].notna()
     if broken.any():
         raise MapError(
             expected="a number",

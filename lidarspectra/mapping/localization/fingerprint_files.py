@@ -31,6 +31,7 @@ from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT, CHANNEL_LABELS, mask_counts
 from lidarspectra.hardware.sensor.log_columns import time_column
 from lidarspectra.hardware.sensor.log_times import parse_times
+from lidarspectra.io.csv_cells import read_table
 from lidarspectra.mapping.localization.fingerprint_table import load_fingerprints, make_fingerprints
 from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, gaussian_bands
@@ -123,7 +124,7 @@ def read_positions(path: Path) -> dict[str, tuple[float, float, float]]:
             found=", ".join(map(str, frame.columns[:8])),
             where=str(path),
         )
-    names = frame["name"].astype(str).str.strip()
+    names = pd.Series(_words(frame["name"]), index=frame.index)
     axes = [frame[axis] if axis in frame else pd.Series(0.0, index=frame.index) for axis in ("x", "y", "z")]
     numbers = np.stack([pd.to_numeric(column, errors="coerce").to_numpy(np.float64) for column in axes], axis=1)
     wrong = np.flatnonzero(~np.isfinite(numbers).all(axis=1) | names.duplicated().to_numpy() | (names == "").to_numpy())
@@ -372,8 +373,8 @@ def _times(frame: pd.DataFrame, column: int | None, where: str) -> FloatArray | 
 
 
 def _words(column: "pd.Series[str]") -> list[str]:
-    """Labels as text; 3.0, which pandas makes of 3 in a column with a gap, is 3 again, and 'Empty' is no place."""
-    words = [re.sub(r"^(\d+)\.0$", r"\1", str(value).strip()) if pd.notna(value) else "" for value in column]
+    """Names as they are written; 3.0, which pandas writes for 3 beside a missing label, is 3, and 'Empty' no place."""
+    words = [re.sub(r"^(\d+)\.0$", r"\1", value) for value in column]
     return [word.lower() if word.lower() in (EMPTY_LABEL, NOBODY, TWO_PEOPLE) else word for word in words]
 
 
@@ -384,7 +385,7 @@ def _csv(path: Path) -> pd.DataFrame:
         table = _without_comments(path)
         delimiter = _delimiter(table)
         decimal = "." if delimiter == "," else ","
-        frame = pd.read_csv(io.StringIO(table), skipinitialspace=True, sep=delimiter, decimal=decimal)
+        frame = read_table(table, ("name", *LABEL_COLUMNS), skipinitialspace=True, sep=delimiter, decimal=decimal)
     except (OSError, EOFError, ValueError, zlib.error) as cause:  # pandas' parser errors are ValueErrors
         raise MapError(expected="a readable CSV", found=str(cause), where=str(path)) from cause
     if frame.empty:

@@ -9,6 +9,7 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import SensorError
+from lidarspectra.io.csv_cells import csv_records
 from lidarspectra.mapping.localization.body import BUILD_RANGE, BodyMesh, Part, Posture, body_mesh
 from lidarspectra.room.free_space import FreeSpace
 
@@ -147,8 +148,8 @@ def read_positions(path: Path, *, floor_z: float) -> Positions:
     todo = "Give a header 'name,x,y' (or 'name,x,y,z') and a row for each position."
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.DictReader(line for line in file if line.strip() and not line.startswith("#")))
-        names = tuple((row["name"] or "").strip() for row in rows)
+            rows = list(csv_records(line for line in file if line.strip() and not line.startswith("#")))
+        names = tuple(row["name"] for row in rows)
         places = [[float(row["x"]), float(row["y"]), float(row.get("z") or floor_z)] for row in rows]
     except (OSError, UnicodeDecodeError, csv.Error, KeyError, TypeError, ValueError) as cause:
         raise SensorError(expected="a CSV of positions", found=_words(cause), where=str(path), todo=todo) from cause

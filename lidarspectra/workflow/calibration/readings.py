@@ -174,9 +174,9 @@ def _gathered(
             where=f"{path}, reading {nowhere[0] + 1}",
             todo="Write where it was read, in metres in the scan's frame, or leave the row out.",
         )
-    names = table[NAME_COLUMN].astype(str) if NAME_COLUMN in table.columns else [f"row {n + 1}" for n in table.index]
+    names = table[NAME_COLUMN].tolist() if NAME_COLUMN in table.columns else [""] * len(table)
     return Readings(
-        names=tuple(str(names[index]) for index in used),
+        names=tuple(names[index] or f"row {index + 1}" for index in used),
         positions=places[used],
         normals=normals[used],
         quantities=tuple(quantities),

@@ -8,6 +8,7 @@ import pandas as pd
 
 from lidarspectra.config import CalibrationSection
 from lidarspectra.errors import WorkspaceError
+from lidarspectra.io.csv_cells import read_table
 from lidarspectra.mapping.calibration.figures import before_after_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.tables import Table
@@ -39,7 +40,8 @@ def calibration_sections(section: CalibrationSection | None, folder: Path, plan:
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
         unknowns, readings, points = (
-            pd.read_csv(folder / f"{name}.csv") for name in ("unknowns", "readings", "points")
+            read_table((folder / f"{name}.csv").read_text(encoding="utf-8"), ("name", "reading"))
+            for name in ("unknowns", "readings", "points")
         )
         if summary["factors"] != section.model_dump(mode="json"):
             return ()  # the run file's factors were changed by hand since

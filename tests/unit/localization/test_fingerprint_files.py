@@ -46,6 +46,16 @@ def test_semicolons_and_tabs_stand_between_channels_too(tmp_path: Path) -> None:
         assert read_fingerprints(other)["counts"].equals(commas["counts"])
 
 
+@pytest.mark.parametrize("name", ["NA", "None", "nan", "null", "N/A", "007", "1e3", "3"])
+def test_a_place_is_called_as_it_is_written(name: str, tmp_path: Path) -> None:
+    night = written(tmp_path, f"8,153,9,216,{name}", "8,153,9,216,b", "8,153,,216,", "8,nan,9,NA,b")
+    (tmp_path / "places.csv").write_text(f"name,x,y\n{name},1,2\nb,3,4\n", encoding="utf-8")
+    table = read_fingerprints(night, tmp_path / "places.csv")
+    assert table["label"].to_numpy().tolist() == [name, "b", "", "b"]
+    assert table["position_m"].to_numpy()[0].tolist() == [1.0, 2.0, 0.0]
+    assert int(table["counts"].isnull().sum()) == 3  # in a channel the same words are missing readings
+
+
 def test_a_number_sign_begins_a_comment_only_where_a_line_does(tmp_path: Path) -> None:
     table = read_fingerprints(written(tmp_path, "# by the window", "8,153,9,216,desk #2", "  # done"))
     assert table["label"].item() == "desk #2"

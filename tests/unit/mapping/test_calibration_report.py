@@ -51,6 +51,16 @@ def test_the_section_says_what_was_determined_and_what_was_not(folder: Path) -> 
     assert len(section.figures) == 1
 
 
+@pytest.mark.parametrize("name", ["NA", "None", "1"])
+def test_a_lamp_and_a_reading_are_called_as_the_user_called_them(name: str, folder: Path) -> None:
+    for file, column in (("unknowns", "name"), ("readings", "reading")):
+        table = pd.read_csv(folder / f"{file}.csv")
+        table.assign(**{column: [name] * len(table)}).to_csv(folder / f"{file}.csv", index=False)
+    (section,) = calibration_sections(SECTION, folder, PLAN)
+    assert f"No reading determines {name}" in " ".join(section.words)
+    assert section.tables[1].frame["reading"].tolist() == [name] * 3
+
+
 def test_tables_of_another_calibration_are_not_shown(folder: Path) -> None:
     by_hand = CalibrationSection.model_validate({"measured": "readings.csv", "lamps": {"panel": 1.1}})
     assert calibration_sections(by_hand, folder, PLAN) == ()

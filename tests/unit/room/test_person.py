@@ -125,6 +125,10 @@ def test_positions_are_read_with_the_floors_height_where_none_is_given(tmp_path:
     found = read_positions(path, floor_z=-0.1)
     assert found.names == ("door", "step")
     np.testing.assert_allclose(found.places_m, [[1, 2, -0.1], [3.5, 2, 0.2]])
+    path.write_text("name;x;y;z\ndoor;1;2;\nNA;3,5;2;0,2\n", encoding="utf-8")  # of a German spreadsheet
+    german = read_positions(path, floor_z=-0.1)
+    assert german.names == ("door", "NA")
+    np.testing.assert_allclose(german.places_m, found.places_m)
 
 
 @pytest.mark.parametrize(

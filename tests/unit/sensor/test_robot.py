@@ -184,11 +184,16 @@ def test_pairs_of_points_are_read(tmp_path: Path) -> None:
     assert names == ("door", "window")
     assert np.allclose(found.apply([[0.5, 0, 0]]), [[1, 2.5, 0]])
     path.write_text("name,robot_x,robot_y,scan_x,scan_y\ndoor,0,x,1,2\n", encoding="utf-8")
-    with pytest.raises(ReadingError, match="line 2"):
+    with pytest.raises(ReadingError, match="row 1 below the header"):
         read_point_pairs(path)
     path.write_text("name,x,y\n", encoding="utf-8")
     with pytest.raises(ReadingError, match="robot_x"):
         read_point_pairs(path)
+    german = "# by tape\nname;robot_x;robot_y;scan_x;scan_y\ndoor;0;0;1;2\nNA;1,5;0;1;3,5\n"
+    path.write_text(german, encoding="utf-8")
+    names, robot, scan = read_point_pairs(path)
+    assert names == ("door", "NA")
+    assert (robot[1, 0], scan[1, 1]) == (1.5, 3.5)
 
 
 POSES = [(1000.25 + 0.5 * i, 0.1 * i, -0.2 * i, 0.3, 0.1 * i) for i in range(8)]
@@ -475,7 +480,16 @@ def test_readings_in_another_frame_are_refused() -> None:
         grid_readings(spectral_irradiance(readings), locations())
 
 
-@pytest.mark.parametrize("text", ["", "x,y\n1,2\n", "x,y,z\n1,2,here\n", "x,y,z\n"])
+def test_locations_are_read_as_the_points_file_of_a_run_is(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("# desks\nname,X,y,z\ndesk #2,1.5,2,0.3\nNA,3,4,0.3\n", encoding="utf-8")
+    assert read_locations(path).tolist() == [[1.5, 2.0, 0.3], [3.0, 4.0, 0.3]]
+    for mark in ";\t":
+        path.write_text(f"name{mark}x{mark}y{mark}z\na{mark}1,5{mark}2{mark}0,3\n", encoding="utf-8")
+        assert read_locations(path).tolist() == [[1.5, 2.0, 0.3]]
+
+
+@pytest.mark.parametrize("text", ["", "x,y\n1,2\n", "x,y,z\n1,2,here\n", "x,y,z\n", f"x,y,z\n1,2,{'9' * 400}\n"])
 def test_what_are_no_locations_is_a_clear_error(text: str, tmp_path: Path) -> None:
     path = tmp_path / "points.csv"
     path.write_text(text, encoding="utf-8")
