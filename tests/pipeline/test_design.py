@@ -149,9 +149,10 @@ def test_targets_of_another_room_are_refused(run: Path) -> None:
 
     refused("none of them in it", polygon=[[90, 90], [91, 90], [91, 91]])
     refused("places inside the scan", places=[[0, 0, 9]])
-    refused("number from 0 to 8", points=[9])
+    refused("number from 1 to 9", points=[10])
+    refused("number from 1 to 9", points=[0])
     refused("column 'name'", points=["desk"])
-    refused("two or more points", points=[0], uniformity=0.5)
+    refused("two or more points", points=[1], uniformity=0.5)
     refused("14 channels", channels=[1, 2, 3])
     refused("one of the run's lit lamps", lamps={"fixed": ["chandelier"]})
     refused("none: all are fixed", lamps={"fixed": ['lamp "one" !rm', "warm"]})

@@ -3,20 +3,23 @@
 import re
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
+import xarray as xr
 from pydantic import BaseModel
 
-from lidarspectra.errors import MapError, RunFileError
+from lidarspectra.errors import LidarSpectraError, MapError, RunFileError
 from lidarspectra.mapping.design.candidates import candidate_grid
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.spectra.spectrum_files import read_spectrum_file, write_spectrum_file
+from lidarspectra.workflow.calibration.light import RunRoom
 from lidarspectra.workflow.design import target as design_target
 from lidarspectra.workflow.design.designed_run_file import mixtures_of
 from lidarspectra.workflow.design.lamps import mixture
-from lidarspectra.workflow.design.target import read_target
+from lidarspectra.workflow.design.points import target_points
+from lidarspectra.workflow.design.target import TargetSection, read_target
 
 FAULTS = {
     '[[targets]]\nname = "a"\natleast = 3': "did you mean 'at_least'",
@@ -115,3 +118,15 @@ def test_a_mixture_s_file_is_named_for_its_content_so_that_a_later_design_overwr
     assert evening["a"][0] == evening["b"][0] == mixtures_of([lit("z", 0.5, 0.2)], room)["z"][0]
     assert day["a"][0] != evening["a"][0]
     assert re.fullmatch(r"mixture-[0-9a-f]{8}\.csv", day["a"][0])
+
+
+def test_the_first_point_of_a_run_is_1_as_everywhere_else() -> None:
+    places = xr.Dataset({"x": ("point", [0.0, 1.0, 2.0]), "y": ("point", np.zeros(3)), "buried": ("point", [0, 0, 0])})
+    target = TargetSection.model_validate({"name": "a", "at_least": 1, "points": [1, 3]})
+    (points,), own = target_points((target,), cast(RunRoom, None), places, where="target.toml")
+    assert points.index.tolist() == [0, 2]
+    assert own is None
+    for number in (0, 4):
+        wrong = target.model_copy(update={"points": (number,)})
+        with pytest.raises(LidarSpectraError, match=f"number from 1 to 3, found {number}"):
+            target_points((wrong,), cast(RunRoom, None), places, where="target.toml")

@@ -113,11 +113,16 @@ def _of_run(target: TargetSection, room: RunRoom, places: xr.Dataset, at: str) -
 
 
 def _number(point: str | int, room: RunRoom, count: int, at: str) -> int:
-    """Number of a point that is named, or numbered as a row of map.csv."""
+    """Index of a point that is named, or numbered from 1 as in the report's room in 3D, by `live` and `place`."""
     if isinstance(point, int):
-        if 0 <= point < count:
-            return point
-        raise RunFileError(expected=f"a point's number from 0 to {count - 1}", found=f"{point}", where=at)
+        if 1 <= point <= count:
+            return point - 1
+        raise RunFileError(
+            expected=f"a point's number from 1 to {count}",
+            found=f"{point}",
+            where=at,
+            todo="The report's room in 3D shows the points' numbers; the first row of map.csv is point 1.",
+        )
     names = _names(room)
     if names.count(point) == 1:
         return names.index(point)
@@ -126,7 +131,7 @@ def _number(point: str | int, room: RunRoom, count: int, at: str) -> int:
         expected=f"one of the run's points: {listed}" if names else listed,
         found=f"'{point}'" + (" more than once" if point in names else ""),
         where=at,
-        todo="" if names else "Give numbers of points instead: rows of map.csv, the first is 0.",
+        todo="" if names else "Give numbers of points instead, as the report's room in 3D shows them; the first is 1.",
     )
 
 

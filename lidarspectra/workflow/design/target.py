@@ -37,7 +37,7 @@ class TargetSection(Section):
     polygon: Annotated[tuple[tuple[float, float], ...], Field(min_length=3)] | None = None
     """Corners on the plan [m]: the run's points within it."""
     points: Annotated[tuple[str | int, ...], Field(min_length=1)] | None = None
-    """Names (column `name` of the run's points file) or numbers (rows of map.csv, from 0) of the run's points."""
+    """Names (column `name` of the run's points file) or numbers of the run's points, from 1 as in the report."""
     places: Annotated[tuple[Vector, ...], Field(min_length=1)] | None = None
     """Places of one's own [m]; light is traced there."""
     direction: Vector = (0.0, 0.0, 1.0)
