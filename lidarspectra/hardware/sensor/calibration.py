@@ -22,6 +22,7 @@ from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 Kind = Literal["lamp", "field"]
 
 LIT_FRACTION = 1e-3  # share of the brightest channel below which a reference does not determine a channel
+MAX_UNKNOWN_SHARE = 0.02  # of a channel's response beyond the end of a reference's spectrum: a full width from it
 MIN_SIGNIFICANCE = 5.0  # standard uncertainties above dark below which a signal does not determine a channel
 FIELD_UNCERTAINTY = 0.15  # relative, of simulated light at a point: the paper's maps are 12 to 15 % off (Table 3)
 MAX_SPREAD = 1.0  # assumed scatter of the logarithm for a die of which a single channel is known
@@ -38,7 +39,8 @@ class Observation:
     signal, signal_se : (18,) float
         Mean signal of the readings and its standard error; NaN where masked. [1/ms]
     reference : (18,) float
-        Band values of the light that falls on the sensor; zero for a dark observation. [W/m²/nm]
+        Band values of the light that falls on the sensor; zero for a dark observation, NaN in channels of which the
+        reference says nothing. [W/m²/nm]
     reference_uncertainty : float
         Relative standard uncertainty of the reference. [1]
     """
@@ -50,7 +52,10 @@ class Observation:
     reference_uncertainty: float
 
     def __post_init__(self) -> None:
-        reference = float_array(self.reference, name=f"reference '{self.name}'", shape=(CHANNEL_COUNT,))
+        given = np.asarray(self.reference, dtype=np.float64)
+        reference = float_array(
+            np.where(np.isnan(given), 0.0, given), name=f"reference '{self.name}'", shape=(CHANNEL_COUNT,)
+        )
         if np.any(reference < 0) or not 0 <= self.reference_uncertainty < 1:
             raise ReadingError(
                 expected="a reference that is nowhere negative, and its relative uncertainty between 0 and 1",
@@ -149,7 +154,7 @@ def observe(
     readings : xarray.Dataset
         Taken with one gain and integration time.
     reference : (18,) float
-        Band values of that light; zeros for darkness. [W/m²/nm]
+        Band values of that light; zeros for darkness, NaN where it is not known. [W/m²/nm]
     name : str
         Of the light.
     kind : str, optional
@@ -191,8 +196,18 @@ def _rounding(readings: xr.Dataset, kind: Signal) -> float:
 
 
 def reference_bands(spectrum: Spectrum) -> FloatArray:
-    """Band values of a reference spectrum in the sensor's 18 channels; zero beyond its ends. (18,) [its unit]."""
-    return sensor_bands("as7265x-18").band_values(spectrum, outside="zero")
+    """Band values of a reference spectrum in the sensor's 18 channels. (18,) [its unit].
+
+    NaN in channels that reach beyond an end at which it still has light: what the lamp sends there is not known.
+    """
+    bands = sensor_bands("as7265x-18")
+    values, dark = spectrum.values, LIT_FRACTION * spectrum.values.max()
+    below = bands.wavelengths_nm < spectrum.wavelengths_nm[0]
+    above = bands.wavelengths_nm > spectrum.wavelengths_nm[-1]
+    unknown = (below & (values[0] > dark)) | (above & (values[-1] > dark))
+    share = bands.weights[:, unknown].sum(axis=1)
+    known = np.where(share <= MAX_UNKNOWN_SHARE, 1.0 - share, np.nan)
+    return np.asarray(bands.band_values(spectrum, outside="zero") / known, dtype=np.float64)
 
 
 def fit_calibration(
@@ -249,8 +264,9 @@ def fit_calibration(
     if not measured.all():
         unlit = ", ".join(label for label, known in zip(CHANNEL_LABELS, measured, strict=True) if not known)
         notes.append(
-            f"The references send too little light into the channels {unlit} nm, so the mean factor of their die was"
-            " used, with its scatter as the uncertainty. Calibrate with a halogen lamp too, which lights all channels."
+            f"The references send too little light into the channels {unlit} nm, or their spectra end before, so the"
+            " mean factor of their die was used, with its scatter as the uncertainty. Calibrate with a halogen lamp"
+            " too, which lights all channels, by a spectrum from 390 to 960 nm."
         )
     if kind == "field":
         notes.append(
@@ -279,9 +295,9 @@ def fit_calibration(
 
 def _fit_channel(observations: Sequence[Observation], c: int) -> tuple[float, float, float, float, float] | None:
     """Responsivity, dark offset, their uncertainties, relative misfit; None if no observation determines them."""
-    rows = [o for o in observations if np.isfinite(o.signal[c])]
+    rows = [o for o in observations if np.isfinite(o.signal[c]) and np.isfinite(o.reference[c])]
     light = np.array([o.reference[c] for o in rows])
-    brightest = np.array([o.reference.max() for o in rows])
+    brightest = np.array([np.nanmax(o.reference) for o in rows])
     y = np.array([o.signal[c] for o in rows])
     noise = np.array([o.signal_se[c] for o in rows])
     off = np.array([o.reference_uncertainty for o in rows])

@@ -45,11 +45,12 @@ TRUE = NOMINAL * DIES_OFF * CHANNELS_OFF
 DARK = 4e-4  # [1/ms] one count or so at gain 16 and 166 ms
 
 
-def lamp(temperature_k: float) -> FloatArray:
-    """Band values of a black body, as a halogen lamp on a bench sends them [W/m²/nm]."""
+def lamp(temperature_k: float, *, end_nm: float = 1100.0) -> FloatArray:
+    """Band values of a black body, as a halogen lamp on a bench sends them, of a spectrum up to an end [W/m²/nm]."""
     wavelengths = np.arange(350.0, 1101.0, 5.0)
     body = wavelengths**-5.0 / np.expm1(1.4388e7 / (wavelengths * temperature_k))  # Planck, any scale
-    return reference_bands(Spectrum(wavelengths_nm=wavelengths, values=0.01 * body / body.max()))
+    read = wavelengths <= end_nm
+    return reference_bands(Spectrum(wavelengths_nm=wavelengths[read], values=(0.01 * body / body.max())[read]))
 
 
 def readings_under(
@@ -273,6 +274,27 @@ def test_a_reference_file_without_a_unit_asks_for_one(tmp_path: Path) -> None:
     with pytest.raises(ReadingError, match="--unit"):
         reference_from_file(path)
     assert np.allclose(reference_from_file(path, unit="mW/m2/nm"), 0.002, rtol=1e-3)  # 410 nm has a tail below 380
+
+
+def test_what_a_lamp_sends_beyond_the_end_of_its_spectrum_is_not_known_and_no_darkness() -> None:
+    long, short = lamp(2800.0), lamp(2600.0, end_nm=780.0)
+    assert np.flatnonzero(np.isnan(short)).tolist() == [14, 15, 16, 17]  # 810 nm and above
+    lamps = [
+        observe(readings_under(long), long, name="long", uncertainty=0.0),
+        observe(readings_under(lamp(2600.0), seed=1), short, name="short", uncertainty=0.0),
+    ]
+    fitted = fit_calibration(lamps, name="x", device="")
+    assert fitted.is_measured.all()
+    np.testing.assert_allclose(fitted.responsivity, TRUE, rtol=0.03)  # two levels that are near tell the dark badly
+    assert abs(leave_one_out(lamps)) < 0.1
+    alone = fit_calibration(lamps[1:], name="x", device="")
+    assert not alone.is_measured[14:].any()
+    assert "end before" in alone.notes[0]
+
+
+def test_a_lamp_whose_spectrum_ends_in_the_dark_sends_nothing_beyond() -> None:
+    led = Spectrum(wavelengths_nm=np.array([400.0, 450.0, 600.0, 700.0]), values=np.array([0.0, 1.0, 1.0, 0.0]))
+    assert (reference_bands(led)[-4:] < 1e-30).all()
 
 
 def test_observations_refuse_negative_light() -> None:
