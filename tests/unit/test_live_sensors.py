@@ -74,7 +74,7 @@ def test_channels_in_which_no_lamp_sends_anything_are_left_out_of_what_a_sensor_
 def test_sensors_whose_logs_would_be_one_file_are_refused(tmp_path: Path) -> None:
     def make(other: str) -> int:
         sensors, base = read_sensors(["desk 1@1=/dev/ttyUSB0", f"{other}@2=/dev/ttyUSB1"])
-        return len(sources_of(sensors, LABELS, base=base, logs=tmp_path, run_name="room"))
+        return len(sources_of(sensors, LABELS, base=base, logs=tmp_path, run=tmp_path / "room.run"))
 
     assert make("desk 2") == 2
     for other in ("Desk 1", "DESK 1"):
@@ -82,7 +82,7 @@ def test_sensors_whose_logs_would_be_one_file_are_refused(tmp_path: Path) -> Non
             make(other)
     sensors, base = read_sensors(["desk/1@1=/dev/ttyUSB0", "desk:1@2=/dev/ttyUSB1"])
     with pytest.raises(ReadingError, match="'desk/1' and 'desk:1'"):
-        sources_of(sensors, LABELS, base=base, logs=tmp_path, run_name="room")
+        sources_of(sensors, LABELS, base=base, logs=tmp_path, run=tmp_path / "room.run")
 
 
 def test_a_file_of_sensors_gives_its_sources(tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_a_file_of_sensors_gives_its_sources(tmp_path: Path) -> None:
     sensors, base = read_sensors(written(tmp_path, WHOLE))
     assert base == tmp_path
     assert sensors.max_age_s == 30
-    log, broker = sources_of(sensors, LABELS, base=base, logs=tmp_path, run_name="room")
+    log, broker = sources_of(sensors, LABELS, base=base, logs=tmp_path, run=tmp_path / "room.run")
     assert log.name == str(tmp_path / "hall.csv")
     assert broker.name == "mqtt://homeassistant.local:1883"
     topics = broker._readers  # type: ignore[attr-defined]
@@ -104,7 +104,7 @@ def test_a_file_of_sensors_gives_its_sources(tmp_path: Path) -> None:
         "{{ value_json.E_560 }}",
     ]
     name = next(sensor.name for sensor in sensors.sensors if sensor.topic == "home/as7265x")
-    _, wider = sources_of(sensors, LABELS, base=base, logs=tmp_path, run_name="room", beside_cells=[name])
+    _, wider = sources_of(sensors, LABELS, base=base, logs=tmp_path, run=tmp_path / "room.run", beside_cells=[name])
     assert len(wider._readers["home/as7265x"]) == 18  # type: ignore[attr-defined]
     heard: list[Arrival | Notice] = []
     broker._take("home/as7265x", b'{"E_410": 2.129, "E_560": 0}', heard.append)  # type: ignore[attr-defined]
@@ -161,20 +161,31 @@ def test_channels_of_one_topic_need_their_template(tmp_path: Path) -> None:
     text = WHOLE.replace("value_json.E_CHANNEL", "value_json.E")
     sensors, base = read_sensors(written(tmp_path, text))
     with pytest.raises(LidarSpectraError, match="the word CHANNEL"):
-        sources_of(sensors, LABELS, base=base, logs=tmp_path, run_name="room")
+        sources_of(sensors, LABELS, base=base, logs=tmp_path, run=tmp_path / "room.run")
+
+
+def test_runs_of_one_name_are_two_sessions_for_a_broker_and_a_run_is_one_again(tmp_path: Path) -> None:
+    pytest.importorskip("paho.mqtt.client", reason="paho-mqtt, of the extra 'mqtt', is not installed")
+    sensors, base = read_sensors(written(tmp_path, WHOLE))
+    ids = []
+    for folder in ("here", "there", "here"):
+        _, broker = sources_of(sensors, LABELS, base=base, logs=tmp_path, run=tmp_path / folder / "room.run")
+        ids.append(broker._broker.client_id)  # type: ignore[attr-defined]
+    assert ids[0] == ids[2] != ids[1]
+    assert all(name.startswith("lidarspectra-live-room.run-") for name in ids)
 
 
 def test_only_logs_are_replayed(tmp_path: Path) -> None:
     sensors, base = read_sensors(["desk@12=/dev/ttyUSB0"])
     with pytest.raises(ReadingError, match="logs alone"):
-        sources_of(sensors, LABELS, base=base, logs=tmp_path, run_name="room", replay=True)
+        sources_of(sensors, LABELS, base=base, logs=tmp_path, run=tmp_path / "room.run", replay=True)
 
 
 def test_a_log_of_several_sensors_is_followed_once_and_has_to_name_them(tmp_path: Path) -> None:
     log = tmp_path / "both.csv"
     sensors, base = read_sensors([f"desk@12={log}", f"hall@3={log}"])
     log.write_text("unix_s,sensor,lux\n1,desk,100\n2,hall,200\n", encoding="utf-8")
-    (one,) = sources_of(sensors, LABELS, base=base, logs=tmp_path, run_name="room", replay=True)
+    (one,) = sources_of(sensors, LABELS, base=base, logs=tmp_path, run=tmp_path / "room.run", replay=True)
     assert isinstance(one, GrowingLog)
     notices: list[Notice] = []
     assert [(each.sensor, each.values["lux"]) for each in one.past(notices.append)] == [
@@ -184,7 +195,7 @@ def test_a_log_of_several_sensors_is_followed_once_and_has_to_name_them(tmp_path
     assert not notices
     log.write_text("unix_s,lux\n1,100\n", encoding="utf-8")
     with pytest.raises(ReadingError, match=r"a column 'sensor'.*the log of 'desk' and 'hall'"):
-        sources_of(sensors, LABELS, base=base, logs=tmp_path, run_name="room", replay=True)
+        sources_of(sensors, LABELS, base=base, logs=tmp_path, run=tmp_path / "room.run", replay=True)
 
 
 # ---- a session

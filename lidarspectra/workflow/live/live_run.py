@@ -137,7 +137,7 @@ class LiveRun:
             self._labels,
             base=base,
             logs=self.readings,
-            run_name=run.resolve().name,
+            run=run,
             replay=options.replay,
             beside_cells=self._cells.sensors,
         )

@@ -48,7 +48,7 @@ def record_nodes(
     """
     sensors, base = read_sensors(list(sources), need_places=False)
     made_folder(folder)
-    made = sources_of(sensors, CHANNEL_LABELS, base=base, logs=folder, run_name=folder.resolve().name)
+    made = sources_of(sensors, CHANNEL_LABELS, base=base, logs=folder, run=folder)
     before_s = newest_time(folder)
     clocks = {sensor.name: NodeClock(sensor.name) for sensor in sensors.sensors}
 

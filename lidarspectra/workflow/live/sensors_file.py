@@ -26,7 +26,7 @@ class BrokerSection(Section):
     username: str | None = None
     tls: bool = False
     client_id: str | None = None
-    """By which the broker knows the session again; the run's name by default."""
+    """By which the broker knows the session again; the run's name and place by default."""
     prefix: str = HOME_ASSISTANT
     """Of the topics of sensors that are given by their `object_id`."""
 

@@ -1,5 +1,7 @@
 """The sources of readings that a file of sensors names."""
 
+import hashlib
+import platform
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
@@ -36,7 +38,7 @@ def sources_of(
     *,
     base: Path,
     logs: Path,
-    run_name: str,
+    run: Path,
     replay: bool = False,
     beside_cells: Collection[str] = (),
 ) -> tuple[Source, ...]:
@@ -51,8 +53,8 @@ def sources_of(
         Where relative names of logs start.
     logs : Path
         Folder for the recorders' logs of serial ports.
-    run_name : str
-        For the broker, where the file gives no client_id.
+    run : Path
+        Its folder, by which the broker knows the session where the file gives no client_id.
     replay : bool
         Read logs from their start to their end, in place of what comes.
     beside_cells : collection of str
@@ -113,7 +115,7 @@ def sources_of(
     topics += [_switch(switch, sensors.broker) for switch in sensors.switches if not replay]
     if topics:
         assert sensors.broker is not None  # since the file was checked
-        found.append(MqttSource(_broker(sensors.broker, run_name), topics))
+        found.append(MqttSource(_broker(sensors.broker, run), topics))
     return tuple(found)
 
 
@@ -150,15 +152,24 @@ def _switch(switch: SwitchSection, broker: BrokerSection | None) -> Topic:
     return Topic(topic=topic, sensor=switch.lamp, quantity=STATE, template=switch.value, factor=switch.factor)
 
 
-def _broker(section: BrokerSection, run_name: str) -> Broker:
+def _broker(section: BrokerSection, run: Path) -> Broker:
     return Broker(
         host=section.host,
         port=section.port,
         username=section.username,
         password=password(),
         tls=section.tls,
-        client_id=section.client_id or f"lidarspectra-live-{run_name}",
+        client_id=section.client_id or _client_id(run),
     )
+
+
+def _client_id(run: Path) -> str:
+    """The same at each start of a run, and another's for a run of its name in another folder or on another machine.
+
+    A broker ends a session when another one of its name begins.
+    """
+    place = hashlib.sha256(f"{platform.node()} {run.resolve()}".encode()).hexdigest()
+    return f"lidarspectra-live-{run.resolve().name}-{place[:8]}"
 
 
 def _light(sensor: SensorSection) -> ChannelLight:

@@ -215,7 +215,7 @@ def test_a_nodes_own_clock_comes_in_its_payload(tmp_path: Path) -> None:
         encoding="utf-8-sig",  # as editors of Windows save it
     )
     sensors, base = read_sensors([str(path)], need_places=False)
-    (source,) = sources_of(sensors, ("410",), base=base, logs=tmp_path, run_name="x")
+    (source,) = sources_of(sensors, ("410",), base=base, logs=tmp_path, run=tmp_path / "room.run")
     heard: list[Arrival | Notice] = []
     source._take("t", b'{"lux": 12, "uptime_ms": 2500}', heard.append)  # type: ignore[attr-defined]
     (arrival,) = heard
