@@ -66,10 +66,12 @@ def fit_command(
         raise typer.BadParameter("--count goes with --renew")
     if renew is not None:
         target = out or renew
-        saved, used = renew_fit(renew, choice, column, count=count, out=target)
+        saved, used, notes = renew_fit(renew, choice, column, count=count, out=target)
         say(
             f"Renewed with {counted(used, 'reading')}: gain {saved.fit.gain:.3f}, offset {saved.fit.shift:+.1f} counts."
         )
+        for note in notes:
+            print_note(note)
         say(f"Fit: {target}")
         return
     table, curve, notes = fit_log(choice, column, cell=cell, share=share, base=Path.cwd())

@@ -23,6 +23,7 @@ from lidarspectra.mapping.photovoltaics.cell_fit_files import FitSignal, SavedFi
 from lidarspectra.mapping.photovoltaics.cells import Cell, find_cell
 from lidarspectra.mapping.photovoltaics.fit_ahead import AheadOfTime, predict_ahead, require_readings, usable
 from lidarspectra.mapping.photovoltaics.node_day import DAY_H, DAY_S, NodeDay, light_hours
+from lidarspectra.words import were
 
 SAID_OUTSIDE = 0.05  # [1] of the readings under light that was not fitted, above which it is said
 SAID_OFFSET = 0.2  # [1] of the mean count, above which the fit's offset is said to be in the current
@@ -123,7 +124,17 @@ def beside_cell(choice: LogChoice, wanted: FitSignal | None = None) -> BesideCel
         unix_s=readings["unix_s"].to_numpy(),
         wavelengths_nm=np.asarray(readings["wavelength_nm"].to_numpy(), dtype=np.float64),
         extras={name: values for name, values in given.items() if np.isfinite(values).all()},
-        notes=tuple(str(readings.attrs.get("notes", "")).splitlines()),
+        notes=(*str(readings.attrs.get("notes", "")).splitlines(), *_gap_notes(given)),
+    )
+
+
+def _gap_notes(extras: Mapping[str, FloatArray]) -> tuple[str, ...]:
+    """What is said of temperatures or angles that some readings lack."""
+    gaps = {name: int((~np.isfinite(values)).sum()) for name, values in extras.items()}
+    return tuple(
+        f"The column {name} is not used: {were(number, 'reading', ('is', 'are'))} without a number in it."
+        for name, number in gaps.items()
+        if 0 < number < extras[name].size
     )
 
 
@@ -213,8 +224,29 @@ def fit_log(
         "equally well."
     )
     table = Table(name="cell-curve", caption=words, frame=curve, formats={"a (relative)": ".2f"})
-    notes = (*beside_cell(log).notes, *_outside_notes(result.outside_percent / 100.0, "the later part"))
+    beside = beside_cell(log)
+    notes = (
+        *beside.notes,
+        *_left_out_notes(beside, _counts_of(beside, column, log.path)),
+        *_outside_notes(result.outside_percent / 100.0, "the later part"),
+    )
     return score, table, notes
+
+
+def _left_out_notes(beside: BesideCell, counts: FloatArray) -> tuple[str, ...]:
+    """What is said of readings that are not fitted."""
+    light, _, _ = _lit(beside, beside.wavelengths_nm)
+    gaps = ~np.isfinite(light).all(axis=1) | ~np.isfinite(counts)
+    dark = ~gaps & (counts <= 0)
+    notes = []
+    if gaps.any():
+        notes.append(f"{were(int(gaps.sum()), 'reading')} left out: a channel or the count is missing or saturated.")
+    if dark.any():
+        notes.append(
+            f"{were(int(dark.sum()), 'reading')} left out, with counts of 0 or less: the converter's end, below which "
+            "light changes nothing."
+        )
+    return tuple(notes)
 
 
 def save_fit_of_log(
@@ -250,7 +282,9 @@ def save_fit_of_log(
     return saved
 
 
-def renew_fit(path: Path, log: LogChoice, column: int, *, count: int | None, out: Path) -> tuple[SavedFit, int]:
+def renew_fit(
+    path: Path, log: LogChoice, column: int, *, count: int | None, out: Path
+) -> tuple[SavedFit, int, tuple[str, ...]]:
     """Renew a fit's gain and offset from the first readings of a log, and write it.
 
     Parameters
@@ -266,7 +300,7 @@ def renew_fit(path: Path, log: LogChoice, column: int, *, count: int | None, out
 
     Returns
     -------
-    saved, used : SavedFit, int
+    saved, used, notes : SavedFit, int, tuple of str
 
     Raises
     ------
@@ -280,7 +314,7 @@ def renew_fit(path: Path, log: LogChoice, column: int, *, count: int | None, out
     extras = {name: values[good] for name, values in beside.extras.items()}
     fresh = replace(saved, fit=renewed(saved.fit, beside.light[good], counts[good], extras=extras))
     save_fit(fresh, out)
-    return fresh, good.size
+    return fresh, good.size, (*beside.notes, *_left_out_notes(beside, counts))
 
 
 def predict_by_fit(fit_file: Path, log: LogChoice, out: Path) -> tuple[Table, tuple[str, ...]]:

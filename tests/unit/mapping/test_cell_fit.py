@@ -296,3 +296,19 @@ def test_the_cells_of_a_replay_are_begun_anew_and_a_fit_that_wants_a_temperature
         beside.close()
     assert len(pd.read_csv(tmp_path / "live" / REPLAY_FILE)) == 1
     assert "cell_temperature_c" in beside.notes()[0]
+
+
+def test_readings_and_columns_that_are_not_fitted_are_said(tmp_path: Path) -> None:
+    light = mixed_light(120, 1)
+    counts = counted(light, 20.0, 3)
+    counts[[5, 70]] = [0.0, -3.0]
+    log = log_file(tmp_path / "log.csv", light, counts)
+    lines = log.read_text(encoding="utf-8").splitlines()
+    warm = ["cell_temperature_c", *(["25.5"] * 119), ""]
+    log.write_text("\n".join(f"{line},{more}" for line, more in zip(lines, warm, strict=True)), encoding="utf-8")
+    said = " ".join(call("fit", log, "--column", 1, "--out", tmp_path / "cell.json").split())
+    assert "2 readings were left out, with counts of 0 or less" in said
+    assert "The column cell_temperature_c is not used: 1 reading is without a number" in said
+    said = " ".join(call("fit", log, "--column", 1, "--renew", tmp_path / "cell.json").split())
+    assert "Renewed with 118 readings" in said
+    assert "2 readings were left out, with counts of 0 or less" in said
