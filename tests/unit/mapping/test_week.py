@@ -74,6 +74,8 @@ def test_a_shift_over_midnight_and_over_the_end_of_the_week(tmp_path: Path) -> N
     assert lit.tolist() == [0, 1, 166, 167]
     capitals = hourly_dims(read_week(schedule(tmp_path, "Lamp,From,To,Days\n*,22,2,Sun\n")), LAMPS)
     assert np.flatnonzero(capitals[0]).tolist() == lit.tolist()
+    german = "lamp;from;to;days\n\n*;21,5;2;sun\n;;;\n"  # of a spreadsheet, with the empty row that it leaves
+    assert hourly_dims(read_week(schedule(tmp_path, german)), LAMPS)[0, -3:].tolist() == [0.5, 1.0, 1.0]
     both = hourly_dims(read_week(schedule(tmp_path, "lamp,from,to,dim\n*,8,9,.3\nshelf,8,9,.5\n")), LAMPS)
     assert both[:, 8] == pytest.approx([0.8, 0.3])
     assert both[:, 8 + 24 * 6] == pytest.approx([0.8, 0.3])  # without days: every day
