@@ -18,7 +18,7 @@ from .run_file import changed_run_file, read_run_file, whole_text
 from .run_file_checks import checked_run_file, is_raw_data
 from .scan_import import import_scan
 from .sensor_objects import sensors_of_scene, show_points
-from .sensor_points import points_table, read_points
+from .sensor_points import are_those_of, points_table, read_points
 
 RAW_DATA = (
     "'{name}' is the raw data of a scanning app, frames, which Blender cannot read: lamps and sensors are here without "
@@ -150,8 +150,11 @@ def _sensors(scene: Any, before: Table, path: Path, tables: dict[Path, str]) -> 
     settings = scene.lidarspectra
     section = {key: value for key, value in before.items() if key not in ("grid", "points")}
     if settings.sensors == "POINTS":
+        points, normals = sensors_of_scene(scene)
+        if "points" in before and are_those_of(path.parent / before["points"], points, normals):
+            return before  # its columns of names and comments too
         table = path.with_name(SENSORS_FILE.format(stem=path.stem))
-        tables[table] = points_table(*sensors_of_scene(scene))
+        tables[table] = points_table(points, normals)
         return {**section, "points": table.name}
     grid = {key: value for key, value in before.get("grid", {}).items() if key not in ("count", "spacing")}
     height = tidy(settings.grid_height)

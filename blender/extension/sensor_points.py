@@ -12,6 +12,8 @@ from .room_file import Floats
 
 COLUMNS = ("x", "y", "z", "nx", "ny", "nz")
 MAX_POINTS = 100_000  # of a grid; more would be a mistake in the spacing
+SAME = 2e-6  # [1] of the largest coordinate: Blender's have 24 bits
+SAME_TURN = 2e-5  # [rad] per metre of it: directions stand there as lines of 10 cm
 EDGE_M = 1e-6  # [m] a point so near an edge is inside
 
 
@@ -77,12 +79,14 @@ def points_table(points: Floats, normals: Floats) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)
     for point, normal in zip(points, normals, strict=True):
-        writer.writerow([f"{value + 0.0:.6g}" for value in (*np.round(point, 5), *np.round(normal, 6))])
+        writer.writerow([f"{value + 0.0:.12g}" for value in (*np.round(point, 5), *np.round(normal, 6))])
     return stream.getvalue()
 
 
 def read_points(path: Path) -> tuple[Floats, Floats]:
     """(n, 3) points [m] and directions of a table; those without nx, ny, nz look up.
+
+    Commas, semicolons or tabs stand between its cells; between the latter two '1,5' is 1.5.
 
     Raises
     ------
@@ -91,11 +95,31 @@ def read_points(path: Path) -> tuple[Floats, Floats]:
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.DictReader(file, skipinitialspace=True))
+            lines = file.read().splitlines()
+        mark = max(",;\t", key=lines[0].count) if lines else ","
+        cells = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=mark)]
+        names, *rows = [row for row in cells if any(row)] or [[]]
         up = {"nx": "0", "ny": "0", "nz": "1"}
-        values = np.array([[float({**up, **row}[name]) for name in COLUMNS] for row in rows]).reshape(-1, 6)
+        places = [up | dict(zip([name.lower() for name in names], row, strict=False)) for row in rows]
+        decimal = "." if mark == "," else ","
+        values = np.array([[float(row[name].replace(decimal, ".")) for name in COLUMNS] for row in places])
+        values = values.reshape(-1, 6)
     except (OSError, ValueError, KeyError, TypeError) as cause:
         raise ExtensionError(
             expected="a table of sensor points, columns x, y, z", found=f"{cause}", where=str(path)
         ) from cause
     return values[:, :3], values[:, 3:]
+
+
+def are_those_of(path: Path, points: Floats, normals: Floats) -> bool:
+    """Whether a table has just these points and directions, in this order, as far as Blender's numbers go."""
+    try:
+        own, looks = read_points(path)
+    except ExtensionError:
+        return False
+    length = np.linalg.norm(looks, axis=1, keepdims=True)
+    if own.shape != points.shape or not np.all(length > 0):
+        return False
+    reach = np.abs(points).max(initial=1.0)
+    are_there = np.allclose(own, points, rtol=0.0, atol=SAME * reach)
+    return bool(are_there and np.allclose(looks / length, normals, atol=SAME_TURN * reach))

@@ -222,6 +222,23 @@ def test_points_are_read_as_they_were_written_and_as_the_package_reads_them(tmp_
     assert package[1] == pytest.approx(normals)
     with pytest.raises(ExtensionError, match="columns x, y, z"):
         sensor_points.read_points(tmp_path / "none.csv")
+    far = points + [500_000.0, 5_000_000.0, 0.0]  # in a frame of a country
+    table.write_text(sensor_points.points_table(far, normals), encoding="utf-8")
+    assert sensor_points.read_points(table)[0] == pytest.approx(far, abs=1e-5)
+
+
+def test_points_that_nobody_moved_stay_in_their_table_whatever_else_it_has(tmp_path: Path) -> None:
+    table = tmp_path / "desks.csv"
+    table.write_text("name;X;y;z;nx;ny;nz\ndesk 1;1,5;2;0,75;0;0;2\n;;;;;;\nNA;3;-4;0,75;1;0;0\n", encoding="utf-8")
+    points, normals = sensor_points.read_points(table)
+    assert points.tolist() == [[1.5, 2.0, 0.75], [3.0, -4.0, 0.75]]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    as_in_blender = points.astype(np.float32).astype(np.float64)
+    assert sensor_points.are_those_of(table, as_in_blender, normals)
+    assert not sensor_points.are_those_of(table, as_in_blender + [0.001, 0, 0], normals)
+    assert not sensor_points.are_those_of(table, as_in_blender[::-1], normals)
+    assert not sensor_points.are_those_of(table, as_in_blender[:1], normals[:1])
+    assert not sensor_points.are_those_of(tmp_path / "none.csv", as_in_blender, normals)
 
 
 def test_faces_that_were_given_a_reflectance_are_assigned_it(tmp_path: Path) -> None:
