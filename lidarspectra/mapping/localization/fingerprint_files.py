@@ -220,13 +220,14 @@ def table_of_counts(
     labels: list[str],
     times_s: FloatArray | None = None,
     source: str,
+    as_sent: bool = True,
 ) -> xr.Dataset:
     """Counts of a wide table in the form of fingerprints.
 
     Parameters
     ----------
     counts : (reading, sensor, band) float
-        As the devices sent them; NaN where one is missing.
+        NaN where one is missing.
     columns : WideColumns
         Names the sensors and channels.
     labels : list of str
@@ -235,6 +236,8 @@ def table_of_counts(
         [s]
     source : str
         For the table's attributes.
+    as_sent : bool
+        Whether saturated counts are still to be told by their size: no more where counts were brought to one exposure.
 
     Returns
     -------
@@ -246,7 +249,7 @@ def table_of_counts(
     MapError
         If nothing but the empty room was read, or no count in it.
     """
-    masked, _ = mask_counts(counts)
+    masked = mask_counts(counts)[0] if as_sent else counts
     is_empty = np.array([label == EMPTY_LABEL for label in labels], dtype=np.bool_)
     if is_empty.all():
         raise MapError(

@@ -19,6 +19,7 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import DeviceError, LidarSpectraError, MapError, ReadingError
+from lidarspectra.hardware.sensor.as7265x import mask_counts
 from lidarspectra.hardware.sensor.drivers import LineSplitter
 from lidarspectra.hardware.sensor.log_layouts import one_sensor, read_sensor_log, sensors_of
 from lidarspectra.hardware.sensor.log_times import MIN_UNIX_S
@@ -289,7 +290,7 @@ class FrameAssembler:
         return bool(self._latest)
 
     def take(self, sensor: str, time_s: float, counts: FloatArray) -> None:
-        """Store a reading (18,) of a sensor by wavelength [count]."""
+        """Store a reading (18,) of a sensor by wavelength, NaN where it is saturated; at one exposure [count]."""
         self._latest[sensor] = (time_s, counts)
 
     def frame(self, time_s: float) -> Frame:
@@ -298,7 +299,8 @@ class FrameAssembler:
         latest = [self._latest.get(sensor, missing) for sensor in self._columns.sensors]
         rows = [counts if time_s - read_s <= self._max_age_s else missing[1] for read_s, counts in latest]
         return Frame(
-            time_s=time_s, table=table_of_counts(np.array([rows]), self._columns, labels=[""], source="live readings")
+            time_s=time_s,
+            table=table_of_counts(np.array([rows]), self._columns, labels=[""], source="live readings", as_sent=False),
         )
 
 
@@ -366,4 +368,4 @@ def _take_all(
             continue
         else:
             scale = 1.0
-        assembler.take(name, entry.moment.monotonic_s, scale * entry.counts)
+        assembler.take(name, entry.moment.monotonic_s, scale * mask_counts(entry.counts)[0])

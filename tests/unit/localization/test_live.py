@@ -122,6 +122,16 @@ def test_a_gain_that_changes_within_a_log_moves_nobody(tmp_path: Path) -> None:
     assert notes == ["a: without 1 reading of unknown gain or integration time."]
 
 
+def test_a_bright_reading_at_a_lower_gain_is_no_saturated_one_at_the_usual_gain(tmp_path: Path) -> None:
+    gain = np.array([64.0, 64.0, 64.0, 16.0, 64.0])
+    counts = np.repeat([[40_000.0], [40_000.0], [40_000.0], [20_000.0], [65_535.0]], 18, axis=1)
+    readings = make_readings(unix_s=1.7e9 + np.arange(5), counts=counts, gain=gain, integration_ms=165.2)
+    write_readings(readings, tmp_path / "a.csv")
+    given = replay_logs({"a": tmp_path / "a.csv"}, period_s=1.0, max_age_s=0.5)
+    told = [float(frame.table["counts"].to_numpy()[0, 0, 0]) for frame in given]
+    np.testing.assert_allclose(told, [40_000.0, 40_000.0, 80_000.0, np.nan])
+
+
 class JumpingClock:
     """A clock that is set back by an hour after each look."""
 
