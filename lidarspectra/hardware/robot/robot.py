@@ -19,6 +19,9 @@ from lidarspectra.hardware.sensor.readings import POSITION
 from lidarspectra.io.files import write_whole, writing
 
 DEFAULT_RADIUS_M = 0.25  # [m] largest distance of a reading from its location, less where locations are closer
+SAME_PLACE_M = 0.01  # [m] on the floor between locations one above the other
+STOREY_M = 1.5  # [m] more than this without a location lies between storeys
+MAX_STACKED = 8  # locations one above the other
 UP = (0.0, 0.0, 1.0)  # the sensor of the paper's robot looks up
 
 
@@ -173,7 +176,9 @@ def locations_of(table: pd.DataFrame, path: Path) -> FloatArray:
 
 
 def grid_readings(light: xr.Dataset, locations: ArrayLike, *, radius_m: float | None = None) -> xr.Dataset:
-    """Average readings at locations: each reading counts for the nearest location within the radius.
+    """Average readings at locations: each reading counts for the nearest location of its storey within the radius.
+
+    Of locations one above the other it is the one nearest to it in height.
 
     Parameters
     ----------
@@ -202,7 +207,7 @@ def grid_readings(light: xr.Dataset, locations: ArrayLike, *, radius_m: float | 
     places = np.stack([light[name].to_numpy() for name in POSITION], axis=1)
     known = np.flatnonzero(np.isfinite(places).all(axis=1))
     radius = radius_m if radius_m is not None else min(DEFAULT_RADIUS_M, 0.5 * median_spacing(wanted))
-    nearest, distance = _nearest(places[known, :2], wanted[:, :2])
+    nearest, distance = _nearest(places[known], wanted)
     near = distance <= radius
     if not near.any():
         raise ReadingError(
@@ -241,22 +246,41 @@ def grid_readings(light: xr.Dataset, locations: ArrayLike, *, radius_m: float | 
 
 
 def median_spacing(locations: FloatArray) -> float:
-    """Median distance from a location to its nearest neighbour [m]."""
-    if locations.shape[0] < 2:
-        return 2.0 * DEFAULT_RADIUS_M
+    """Median distance on the floor from a location to its nearest neighbour of its storey; not to one above it [m]."""
     distance = np.linalg.norm(locations[:, None, :2] - locations[None, :, :2], axis=2)
-    np.fill_diagonal(distance, np.inf)
-    return float(np.median(distance.min(axis=1)))
+    storey = _storeys(locations)
+    distance[(distance < SAME_PLACE_M) | (storey[:, None] != storey)] = np.inf
+    nearest = distance.min(axis=1)
+    return float(np.median(nearest[np.isfinite(nearest)])) if np.isfinite(nearest).any() else 2.0 * DEFAULT_RADIUS_M
+
+
+def _storeys(locations: FloatArray) -> IntArray:
+    """(location,) number of the storey, from below."""
+    order = np.argsort(locations[:, 2], kind="stable")
+    storey = np.empty(len(locations), dtype=np.int64)
+    storey[order] = np.concatenate([[0], np.cumsum(np.diff(locations[order, 2]) > STOREY_M)])
+    return storey
 
 
 def _nearest(places: FloatArray, locations: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Index of the nearest location of each place, and how far it is [m]."""
+    """Index of the location of its storey that is nearest to each place on the floor, and how far it is there [m]."""
     from scipy.spatial import cKDTree
 
-    if not places.shape[0]:
-        return np.zeros(0, dtype=np.int64), np.zeros(0)
-    distance, index = cKDTree(locations).query(places)
-    return np.asarray(index, dtype=np.int64), np.asarray(distance, dtype=np.float64)
+    index, distance = np.zeros(len(places), dtype=np.int64), np.zeros(len(places))
+    if not len(places):
+        return index, distance
+    of_location = _storeys(locations)
+    heights = [locations[of_location == number, 2] for number in range(of_location.max() + 1)]
+    apart = [np.maximum(low.min() - places[:, 2], places[:, 2] - low.max()) for low in heights]
+    of_place = np.argmin(np.maximum(apart, 0.0), axis=0)
+    for number in np.unique(of_place):
+        rows, own = np.flatnonzero(of_place == number), np.flatnonzero(of_location == number)
+        some = np.arange(1, min(MAX_STACKED, own.size) + 1)
+        away, found = cKDTree(locations[own, :2]).query(places[rows, :2], k=some)
+        off = np.abs(locations[own[found], 2] - places[rows, None, 2])
+        best = np.argmin(np.where(away <= away[:, :1] + SAME_PLACE_M, off, np.inf), axis=1)
+        index[rows], distance[rows] = own[found[np.arange(rows.size), best]], away[np.arange(rows.size), best]
+    return index, distance
 
 
 def _grouped(values: FloatArray, group: IntArray, groups: int) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -472,6 +472,25 @@ def test_the_error_of_a_location_holds_scatter_and_what_all_readings_share() -> 
     assert relative == pytest.approx(np.hypot(shared, 0.1 / np.sqrt(n)), rel=0.02)
 
 
+@pytest.mark.parametrize("above_m", [0.45, 3.0])
+@pytest.mark.parametrize("first", ["lower", "upper"])
+def test_a_reading_counts_for_the_location_of_its_height_where_others_lie_below_or_above(
+    above_m: float, first: str
+) -> None:
+    lower = np.array([[x, y, 0.3] for x in range(4) for y in range(4)], dtype=np.float64)
+    upper = lower + [0.0, 0.0, above_m]
+    both = np.vstack([lower, upper] if first == "lower" else [upper, lower])
+    is_upper = np.isclose(both[:, 2], upper[0, 2])
+    readings = make_readings(
+        unix_s=np.arange(16), counts=np.full((16, 18), 9.0), gain=16.0, integration_ms=165.2,
+        position=upper + [0.02, 0.0, 0.05],
+    )  # fmt: skip
+    gridded = grid_readings(spectral_irradiance(readings), both)
+    assert gridded.attrs["radius_m"] == 0.25  # of a grid of 1 m
+    assert gridded["readings"].to_numpy().tolist() == is_upper.astype(int).tolist()
+    assert gridded.attrs["heights_apart_m"] == pytest.approx(0.05)
+
+
 def test_readings_in_another_frame_are_refused() -> None:
     readings = make_readings(
         unix_s=[0.0], counts=np.full((1, 18), 9.0), gain=16.0, integration_ms=165.2, position=[[50, 50, 0]]
