@@ -156,7 +156,7 @@ def fingerprint_room(
             ),
             progress=progress,
         )
-    notes = (*notes, *missed_targets(table))
+    notes = (*notes, *buried_sensors(points), *missed_targets(table))
     return Fingerprints(table=table, path=save_fingerprints(table, out / FINGERPRINTS_FILE), notes=notes)
 
 
@@ -171,6 +171,18 @@ def missed_targets(table: xr.Dataset) -> tuple[str, ...]:
                 "The fingerprints are usable, with that much more noise."
             )
     return tuple(notes)
+
+
+def buried_sensors(points: SensorPoints) -> tuple[str, ...]:
+    """A note on sensors in furniture or walls, if there are any: nobody would change what they read."""
+    buried = [f"s{number}" for number in np.flatnonzero(points.buried) + 1]
+    if not buried:
+        return ()
+    more = f" and {len(buried) - 10} more" if len(buried) > 10 else ""
+    return (
+        f"Inside furniture or outside the room: {', '.join(buried[:10])}{more}. What is traced there is not "
+        "what a sensor would read: move these points, or take them out of the points file.",
+    )
 
 
 def place_people(positions: Positions, order: FingerprintOrder) -> tuple[PlacedPerson, ...]:

@@ -11,7 +11,12 @@ from lidarspectra.mapping.localization.person import Positions
 from lidarspectra.mapping.localization.traced_fingerprints import person_obstacle
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.databases import load_reflectances
-from lidarspectra.workflow.applications.fingerprints import FingerprintOrder, clear_of_sensors, place_people
+from lidarspectra.workflow.applications.fingerprints import (
+    FingerprintOrder,
+    buried_sensors,
+    clear_of_sensors,
+    place_people,
+)
 
 ORDER = FingerprintOrder(grid_m=0.5, draws=2, postures=("standing", "walking"), seed=4)
 
@@ -53,3 +58,10 @@ def test_a_grid_of_which_nothing_is_left_is_refused() -> None:
 def test_the_command_line_draws_as_many_people_as_the_program() -> None:
     """It repeats the number, so that its help loads nothing."""
     assert inspect.signature(fingerprints).parameters["draws"].default == FingerprintOrder().draws
+
+
+def test_sensors_inside_of_something_are_named_as_localization_names_them() -> None:
+    points = SensorPoints(positions=np.zeros((3, 3)), buried=np.array([False, True, False]))
+    (note,) = buried_sensors(points)
+    assert note.startswith("Inside furniture or outside the room: s2.")
+    assert buried_sensors(SensorPoints(positions=np.zeros((3, 3)))) == ()
