@@ -1,10 +1,10 @@
 """Poses of the robot over time, from a CSV, from ROS 2 bags, and from the output of `ros2 topic echo`."""
 
-import csv
 import importlib
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.robot.corrected_odometry import corrected_odometry
 from lidarspectra.hardware.robot.trajectory import LONGEST_GAP_S, MIN_POSES, Trajectory
 from lidarspectra.hardware.sensor.log_times import parse_time
+from lidarspectra.io.csv_cells import csv_rows
 
 POSE_TYPES = {
     "nav_msgs/msg/Odometry": ("pose", "pose"),
@@ -53,7 +54,7 @@ def read_poses(path: Path, *, topic: str | None = None) -> Trajectory:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as cause:
         raise ReadingError(expected="a readable pose file", found=str(cause), where=str(path)) from cause
-    rows = list(csv.reader(line for line in text.splitlines() if line.strip() and not line.startswith("#")))
+    rows = list(csv_rows(line for line in text.splitlines() if line.strip() and not line.startswith("#")))
     if rows and {"x", "y"} <= {name.strip().lower() for name in rows[0]}:
         return _from_table(rows, path)
     if rows and len(rows[0]) >= 11 and rows[0][0].strip().isdigit() and rows[0][1].strip().isdigit():
@@ -113,7 +114,8 @@ def _from_table(rows: list[list[str]], path: Path) -> Trajectory:
             heading = yaw(*(number(row, name, math.nan) for name in ("qx", "qy", "qz", "qw")))
         place = (number(row, "x", math.nan), number(row, "y", math.nan), number(row, "z", 0.0))
         poses.append((parse_time(row.get(time_name, "")), *place, heading))
-    return _trajectory(poses, "as in the file", str(path))
+    has_headings = bool({"yaw", "theta", "yaw_deg"} & set(names)) or {"qx", "qy", "qz", "qw"} <= set(names)
+    return replace(_trajectory(poses, "as in the file", str(path)), has_headings=has_headings)
 
 
 def _from_echo_csv(rows: list[list[str]], path: Path) -> Trajectory:

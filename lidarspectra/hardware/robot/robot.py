@@ -86,8 +86,17 @@ def place_readings(
     Raises
     ------
     ReadingError
-        If the readings have no times, or none lies within the drive.
+        If the readings have no times, none lies within the drive, or the place of the sensor on the robot asks for
+        headings that the poses lack.
     """
+    arm = float_array(mount, name="place of the sensor on the robot", shape=(3,))
+    if arm[:2].any() and not trajectory.has_headings:
+        raise ReadingError(
+            expected="poses with headings, for a sensor that is not above the point that the poses are of",
+            found=f"none, and a sensor {arm[0]:g} m before and {arm[1]:g} m left of it",
+            where="place of the sensor on the robot",
+            todo="Give the poses a column yaw [rad], yaw_deg, or qx, qy, qz and qw.",
+        )
     times = readings["unix_s"].to_numpy()
     if not np.isfinite(times).any():
         raise ReadingError(
@@ -105,7 +114,6 @@ def place_readings(
         offset = given_offset(offset_s)
     driven = (times + offset.seconds >= trajectory.unix_s[0]) & (times + offset.seconds <= trajectory.unix_s[-1])
     place, heading = trajectory.at(times + offset.seconds, longest_gap_s=longest_gap_s)
-    arm = float_array(mount, name="place of the sensor on the robot", shape=(3,))
     c, s = np.cos(heading), np.sin(heading)
     turned = np.stack([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], np.full_like(c, arm[2])], axis=1)
     place = place + turned

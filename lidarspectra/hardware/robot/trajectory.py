@@ -27,12 +27,15 @@ class Trajectory:
         Angle of its forward direction from the x axis, unwrapped. [rad]
     frame : str
         Name of the frame of reference.
+    has_headings : bool
+        Whether the headings are known; else they are 0.
     """
 
     unix_s: FloatArray
     positions: FloatArray
     headings: FloatArray
     frame: str
+    has_headings: bool = True
 
     def __post_init__(self) -> None:
         times = float_array(self.unix_s, name="Trajectory.unix_s", shape=(None,))

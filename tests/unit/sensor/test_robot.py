@@ -221,6 +221,21 @@ def test_poses_from_a_csv_with_yaw_or_quaternion_or_degrees(tmp_path: Path) -> N
     degrees = "".join(f"{t},{x},{y},{z},{math.degrees(a)}\n" for t, x, y, z, a in POSES)
     path.write_text("Time,X,Y,Z,yaw_deg\n" + degrees, encoding="utf-8")
     check_poses(read_poses(path))
+    german = "Time,X,Y,Z,yaw_deg\n".replace(",", ";") + degrees.replace(",", ";").replace(".", ",")
+    path.write_text(german, encoding="utf-8")
+    check_poses(read_poses(path))
+
+
+def test_a_sensor_beside_the_robots_middle_needs_to_know_where_the_robot_looks(tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    path.write_text("unix_s,x,y\n1000,0,0\n1001,0,1\n1002,0,2\n", encoding="utf-8")
+    trajectory = read_poses(path)
+    readings = make_readings(unix_s=[1000.5, 1001.5], counts=np.full((2, 18), 9.0), gain=16.0, integration_ms=165.2)
+    light = readings["counts"].to_numpy()
+    above = place_readings(readings, trajectory, light=light, offset_s=0.0, mount=[0.0, 0.0, 0.3]).readings
+    assert above["z"].to_numpy().tolist() == [0.3, 0.3]
+    with pytest.raises(ReadingError, match="a column yaw"):
+        place_readings(readings, trajectory, light=light, offset_s=0.0, mount=[0.2, 0.0, 0.3])
 
 
 def test_poses_from_what_ros2_topic_echo_printed(tmp_path: Path) -> None:
