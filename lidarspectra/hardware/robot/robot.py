@@ -168,8 +168,13 @@ def location_table(path: Path) -> pd.DataFrame:
     try:
         return read_readings(path)
     except MapError as cause:
-        expected = "columns x, y, z [m]" if "columns" in cause.expected else "a readable table of locations [m]"
-        raise ReadingError(expected=expected, found=cause.found, where=cause.where, todo="Mend the table.") from cause
+        lacks_columns = "columns" in cause.expected
+        raise ReadingError(
+            expected="columns x, y, z [m]" if lacks_columns else "a table of numbers, one location a row [m]",
+            found=cause.found,
+            where=cause.where,
+            todo="Name them so." if lacks_columns else "Mend that row.",
+        ) from cause
 
 
 def locations_of(table: pd.DataFrame, path: Path) -> FloatArray:
