@@ -25,12 +25,38 @@ def csv_rows(lines: Iterable[str]) -> Iterator[list[str]]:
     """
     delimiter = ""
     for line in lines:
-        if not delimiter and (not line.strip() or line.startswith("#")):
+        if not delimiter and _is_before_table(line):
             yield []
             continue
-        delimiter = delimiter or max(DELIMITERS, key=line.count)
-        cells = next(csv.reader([line], delimiter=delimiter), [])
-        yield cells if delimiter == "," else [_DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells]
+        delimiter = delimiter or _delimiter(line)
+        yield _cells(next(csv.reader([line], delimiter=delimiter), []), delimiter)
+
+
+def numbered_rows(text: str) -> Iterator[tuple[int, list[str]]]:
+    """The line where each row ends, and its cells as `csv_rows` has them, but that a cell in quotes may have line ends.
+
+    Blank rows are left out, and so are spaces around cells.
+    """
+    lines = list(io.StringIO(text, newline=""))
+    before = next((number for number, line in enumerate(lines) if not _is_before_table(line)), len(lines))
+    delimiter = _delimiter("".join(lines[before : before + 1]))
+    rows = csv.reader(lines[before:], delimiter=delimiter)
+    for row in rows:
+        cells = [cell.strip() for cell in _cells(row, delimiter)]
+        if any(cells):
+            yield before + rows.line_num, cells
+
+
+def _is_before_table(line: str) -> bool:
+    return not line.strip() or line.startswith("#")
+
+
+def _delimiter(first: str) -> str:
+    return max(DELIMITERS, key=first.count)
+
+
+def _cells(row: list[str], delimiter: str) -> list[str]:
+    return row if delimiter == "," else [_DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in row]
 
 
 def csv_records(lines: Iterable[str]) -> Iterator[dict[str, str]]:

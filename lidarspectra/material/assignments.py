@@ -26,7 +26,7 @@ from typing import Literal, cast, get_args
 import numpy as np
 
 from lidarspectra.errors import DatabaseError, MaterialError
-from lidarspectra.io.csv_cells import csv_rows
+from lidarspectra.io.csv_cells import numbered_rows
 from lidarspectra.material.colors import color_difference
 from lidarspectra.material.matching import FAR_COLOR
 from lidarspectra.material.material_map import Material, MaterialMap, Provenance, SurfaceKind
@@ -102,17 +102,13 @@ def read_assignments(path: Path) -> Assignments:
         If it is no such file; the line is named.
     """
     try:
-        lines = [
-            (number, [cell.strip() for cell in row])
-            for number, row in enumerate(csv_rows(read_text(path).splitlines()), start=1)
-            if any(cell.strip() for cell in row)
-        ]
-        columns = [name.lower() for name in lines[0][1]] if lines else []
+        (_, names), *lines = list(numbered_rows(read_text(path))) or [(1, [])]
+        columns = [name.lower() for name in names]
         by: Literal["group", "face"] = "face" if "face" in columns else "group"
         if by not in columns or "reflectance" not in columns:
             raise _fault(path, 1, expected="columns 'group' (or 'face') and 'reflectance'", found=", ".join(columns))
         rows: dict[str, Assignment] = {}
-        for line, cells in lines[1:]:
+        for line, cells in lines:
             texts = dict.fromkeys(columns, "") | dict(zip(columns, cells, strict=False))
             target = texts[by]
             if not target.isdecimal() and not (by == "group" and target == ALL_GROUPS):

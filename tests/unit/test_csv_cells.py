@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import DatabaseError, MapError
-from lidarspectra.io.csv_cells import csv_rows
+from lidarspectra.io.csv_cells import csv_rows, numbered_rows
 from lidarspectra.mapping.photometry.schedule import read_schedule
 from lidarspectra.mapping.photometry.week import read_week
 from lidarspectra.radiance.sampling.receptors import read_receptor
@@ -19,6 +19,12 @@ def test_the_first_line_says_what_is_between_cells_and_so_what_a_comma_means() -
     assert list(csv_rows(["a;b", "1,5; -0,25 ;left, above"])) == [["a", "b"], ["1.5", " -0.25 ", "left, above"]]
     assert list(csv_rows(["a\tb", "1,5\t1.234,5"])) == [["a", "b"], ["1.5", "1.234,5"]]
     assert list(csv_rows(["# a, b, c", "", "a;b", "#1;2"])) == [[], [], ["a", "b"], ["#1", "2"]]
+
+
+def test_a_cell_in_quotes_may_have_line_ends_and_its_row_the_number_of_its_last_line() -> None:
+    text = '# table.csv\r\n\r\nname;value\r\n"two\nlines";1,5\r\n;\r\n last ;"2;5"\r\n'
+    assert list(numbered_rows(text)) == [(3, ["name", "value"]), (5, ["two\nlines", "1.5"]), (7, ["last", "2;5"])]
+    assert list(numbered_rows("# nothing\n\n")) == []
 
 
 def test_a_sensor_and_its_receptor_may_come_from_a_german_spreadsheet(tmp_path) -> None:

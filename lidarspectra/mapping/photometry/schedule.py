@@ -10,7 +10,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
-from lidarspectra.io.csv_cells import csv_rows
+from lidarspectra.io.csv_cells import numbered_rows
 from lidarspectra.spectra.spectrum_files import read_text
 
 DAY_H = 24.0  # [h]
@@ -170,12 +170,9 @@ def read_schedule(path: Path) -> tuple[Shift, ...]:
 
 
 def table_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Headings of a table, in small letters, and the number and cells of each line below; errors as `read_schedule`."""
+    """Headings of a table, in small letters, and line and cells of each row below; errors as `read_schedule`."""
     try:
-        lines = enumerate(csv_rows(read_text(path).splitlines()), start=1)
-        (_, names), *rows = (
-            (number, [cell.strip() for cell in row]) for number, row in lines if any(cell.strip() for cell in row)
-        )
+        (_, names), *rows = numbered_rows(read_text(path))
     except (csv.Error, ValueError) as cause:  # a ValueError if there is no row
         raise MapError(expected="a table of shifts (CSV)", found=str(cause), where=str(path)) from cause
     return [name.lower() for name in names], rows
