@@ -28,7 +28,7 @@ def csv_rows(lines: Iterable[str]) -> Iterator[list[str]]:
         if not delimiter and _is_before_table(line):
             yield []
             continue
-        delimiter = delimiter or _delimiter(line)
+        delimiter = delimiter or delimiter_of(line)
         yield _cells(next(csv.reader([line], delimiter=delimiter), []), delimiter)
 
 
@@ -39,7 +39,7 @@ def numbered_rows(text: str) -> Iterator[tuple[int, list[str]]]:
     """
     lines = list(io.StringIO(text, newline=""))
     before = next((number for number, line in enumerate(lines) if not _is_before_table(line)), len(lines))
-    delimiter = _delimiter("".join(lines[before : before + 1]))
+    delimiter = delimiter_of("".join(lines[before : before + 1]))
     rows = csv.reader(lines[before:], delimiter=delimiter)
     for row in rows:
         cells = [cell.strip() for cell in _cells(row, delimiter)]
@@ -51,8 +51,9 @@ def _is_before_table(line: str) -> bool:
     return not line.strip() or line.startswith("#")
 
 
-def _delimiter(first: str) -> str:
-    return max(DELIMITERS, key=first.count)
+def delimiter_of(header: str) -> str:
+    """What stands between the cells of a table, by its header: a comma, a semicolon or a tab."""
+    return max(DELIMITERS, key=header.count)
 
 
 def _cells(row: list[str], delimiter: str) -> list[str]:

@@ -194,8 +194,10 @@ def ask_mitsuba(room: Room, wanted: Sequence[int], custom: Custom, *, repeats: i
     )
 
 
-def print_row(label: str, traced: Traced, reference: Reference, chosen: BoolArray, goal: float | None) -> bool:
-    """One line of the table; says whether it keeps the goals, as far as noise can tell."""
+def print_row(
+    label: str, traced: Traced, reference: Reference, chosen: BoolArray, goal: float | None, channels: Sequence[str]
+) -> bool:
+    """One line of the table, and the channels' biases; says whether it keeps the goals, as far as noise can tell."""
     if not chosen.any():
         print(f"  {label:33} no such points")
         return True
@@ -216,6 +218,9 @@ def print_row(label: str, traced: Traced, reference: Reference, chosen: BoolArra
         f"{np.sqrt(cleaned.max()):7.2f} {bias.mean():+8.2f} ±{bias_error.mean():.2f} {bias[worst]:+7.2f} "
         f"±{bias_error[worst]:.2f}   {'' if goal is None else 'kept' if kept else 'MISSED'}"
     )
+    if goal is not None:
+        rows = zip(channels, bias, bias_error, strict=True)
+        print("    bias by channel:", ", ".join(f"{name} nm {each:+.2f} ±{error:.2f}" for name, each, error in rows))
     return bool(kept)
 
 
@@ -228,10 +233,10 @@ def check_room(name: str, *, quick: bool) -> bool:
     ours = ask_mitsuba(room, wanted, "radiance", repeats=QUICK_REPEATS if quick else REPEATS)
     theirs = ask_mitsuba(room, wanted, "textbook", repeats=QUICK_REPEATS)
     rms = 100.0 * np.sqrt((ours.standard_error**2).mean(axis=0)) / ours.irradiance.mean(axis=0)
-    labels = " ".join(room.bands.labels[band] for band in wanted)
+    labels = [room.bands.labels[band] for band in wanted]
     print(
         f"\n{name}: {len(room.scan.faces)} triangles, {len(room.lamps)} lamps, {len(room.points)} points, "
-        f"{partly.sum()} of them in a penumbra; channels {labels} nm\n"
+        f"{partly.sum()} of them in a penumbra; channels {' '.join(labels)} nm\n"
         f"  reference: {ours.paths} paths a point, {ours.seconds:.0f} s; its standard error is {rms.mean():.2f} % of "
         f"the mean at a point ({rms.max():.2f} % in the worst channel)\n"
         f"  {'[%]':33} {'points':>6} {'NRMSE':>7} {'less ref':>8} {'worst':>7} {'bias':>14} {'worst':>13}   goal"
@@ -241,9 +246,9 @@ def check_room(name: str, *, quick: bool) -> bool:
     for noise in noises:
         traced = our_trace(room, noise, wanted)
         goal = GOALS[noise]
-        kept &= print_row(f"{noise} ({traced.seconds:.0f} s)", traced, ours, everywhere, goal)
-        kept &= print_row(f"{noise}, penumbras", traced, ours, partly, goal)
-        print_row(f"{noise}, Mitsuba's corner normals", traced, theirs, everywhere, None)
+        kept &= print_row(f"{noise} ({traced.seconds:.0f} s)", traced, ours, everywhere, goal, labels)
+        kept &= print_row(f"{noise}, penumbras", traced, ours, partly, goal, labels)
+        print_row(f"{noise}, Mitsuba's corner normals", traced, theirs, everywhere, None, labels)
     return kept
 
 

@@ -166,20 +166,20 @@ def read_locations(path: Path) -> FloatArray:
 def location_table(path: Path) -> pd.DataFrame:
     """A table of locations with all its columns; raises ReadingError as `read_locations`."""
     try:
-        return read_readings(path)
+        return read_readings(path, needs_places=False)
     except MapError as cause:
-        lacks_columns = "columns" in cause.expected
-        raise ReadingError(
-            expected="columns x, y, z [m]" if lacks_columns else "a table of numbers, one location a row [m]",
-            found=cause.found,
-            where=cause.where,
-            todo="Name them so." if lacks_columns else "Mend that row.",
-        ) from cause
+        raise ReadingError(expected=cause.expected, found=cause.found, where=cause.where, todo="Mend it.") from cause
 
 
 def locations_of(table: pd.DataFrame, path: Path) -> FloatArray:
     """(location, 3) places of a table's rows [m]; raises ReadingError at a gap."""
     numbers = table[list(POSITION)].to_numpy(np.float64)
+    bare = [name for name, column in zip(POSITION, numbers.T, strict=True) if np.isnan(column).all()]
+    if bare:
+        raise ReadingError(
+            expected="columns x, y, z [m]", found=f"no number in {', '.join(bare)}", where=str(path),
+            todo="Name them so.",
+        )  # fmt: skip
     gaps = np.flatnonzero(~np.isfinite(numbers).all(axis=1))
     if gaps.size:
         raise ReadingError(

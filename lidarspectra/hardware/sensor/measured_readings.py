@@ -22,13 +22,12 @@ from lidarspectra.hardware.sensor.as7265x import (
     require_gains,
 )
 from lidarspectra.hardware.sensor.log_text import log_text
-from lidarspectra.io.csv_cells import read_table
+from lidarspectra.io.csv_cells import delimiter_of, read_table
 
 Unit = Literal["W/m2/nm", "uW/cm2", "counts"]
 Scale = Literal["none", "one", "die", "channel"]
 SETTINGS = ("gain", "integration_ms")  # columns that make the counts of different rows comparable
 NUMBERS = ("x", "y", "z", "nx", "ny", "nz", "buried", *SETTINGS)  # columns that must be numeric
-DELIMITERS = (",", ";", "\t")  # between cells
 LUX_COLUMNS = ("lux", "lx", "illuminance", "illuminance_lx")  # the first of them that a table has
 WORDS = (*NUMBERS, "name", *LUX_COLUMNS, "current_mA")  # known in any case of letters
 NAMES = ("name", "sensor", "label")  # columns whose cells are words, whatever they say
@@ -95,7 +94,7 @@ def _known_words(columns: pd.Index) -> dict[str, str]:
 def _table_of(text: str) -> pd.DataFrame:
     """A table between commas, semicolons or tabs; where commas part no cells they may be decimal signs."""
     lines = [line for line in text.split("\n") if line.strip() and not line.startswith("#")]
-    delimiter = max(DELIMITERS, key=lines[0].count) if lines else ","
+    delimiter = delimiter_of(lines[0]) if lines else ","
     has_commas = delimiter != "," and any(re.search(r"\d,\d", line) for line in lines)
     # A '#' further on is no comment: pandas would cut the row of 'desk #2' there, and lose its numbers.
     return read_table("\n".join(lines), NAMES, sep=delimiter, decimal="," if has_commas else ".")

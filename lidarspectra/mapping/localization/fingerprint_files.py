@@ -31,7 +31,7 @@ from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT, CHANNEL_LABELS, mask_counts
 from lidarspectra.hardware.sensor.log_columns import time_column
 from lidarspectra.hardware.sensor.log_times import parse_times
-from lidarspectra.io.csv_cells import read_table
+from lidarspectra.io.csv_cells import delimiter_of, read_table
 from lidarspectra.mapping.localization.fingerprint_table import load_fingerprints, make_fingerprints
 from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, gaussian_bands
@@ -386,7 +386,7 @@ def _csv(path: Path) -> pd.DataFrame:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise ValueError(f"{path.stat().st_size // 1_000_000} MB, more than {MAX_FILE_BYTES // 1_000_000} MB")
         table = _without_comments(path)
-        delimiter = _delimiter(table)
+        delimiter = delimiter_of(next((line for line in io.StringIO(table) if line.strip()), ""))
         decimal = "." if delimiter == "," else ","
         frame = read_table(table, ("name", *LABEL_COLUMNS), skipinitialspace=True, sep=delimiter, decimal=decimal)
     except (OSError, EOFError, ValueError, zlib.error) as cause:  # pandas' parser errors are ValueErrors
@@ -405,12 +405,6 @@ def _without_comments(path: Path) -> str:
     opened = gzip.open if path.suffix == ".gz" else open
     with opened(path, "rt", encoding="utf-8-sig") as file:
         return "".join(line for line in file if not line.lstrip().startswith("#"))
-
-
-def _delimiter(table: str) -> str:
-    """What stands between the names of a table's header."""
-    header = next((line for line in io.StringIO(table) if line.strip()), "")
-    return max(",;\t", key=header.count)
 
 
 def _channel(found: "re.Match[str]", where: str) -> int:
@@ -472,5 +466,5 @@ def parse_frame(line: str, columns: WideColumns) -> FloatArray | None:
 def header_of(text: str, *, where: str) -> WideColumns:
     """The columns that a header line names; raises MapError as `wide_columns`."""
     line = text.strip("\r\n ")
-    delimiter = _delimiter(line)
+    delimiter = delimiter_of(line)
     return replace(wide_columns(line.split(delimiter), where=where), delimiter=delimiter)

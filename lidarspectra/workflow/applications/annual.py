@@ -236,7 +236,7 @@ class PlacedWindows:
     scan : Scan
         The same faces; some vertices may have moved.
     notes : tuple of str
-        What was done about windows, and which of them are misplaced.
+        What was moved, and which windows are misplaced.
     """
 
     windows: tuple[Window, ...]
@@ -273,14 +273,13 @@ def clear_windows(windows: Sequence[Window], lamps: Sequence[Lamp], scan: Scan) 
     ]
     clear = clear_lamps((*lamps, *panes), scan)
     moved = clear.lamps[len(lamps) :]
-    of_windows = [note for note in clear.notes if any(f"'{window.name}'" in note for window in windows)]
     return PlacedWindows(
         windows=tuple(
             replace(window, center=tuple(pane.center.tolist())) for window, pane in zip(windows, moved, strict=True)
         ),
         lamps=clear.lamps[: len(lamps)],
         scan=clear.scan,
-        notes=(*of_windows, *placement_notes(moved, clear.scan)),
+        notes=(*clear.notes, *placement_notes(moved, clear.scan)),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import ByteArray, FloatArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.hardware.phone.frames import Frame
@@ -34,19 +34,25 @@ def wall(x_m: tuple[float, float] = (-0.5, 0.5), y_m: tuple[float, float] = (-0.
     return bare_scan(corners, np.array([[0, 1, 2], [0, 2, 3]]))
 
 
+def taken(image: ByteArray, pose: FloatArray, focal_px: float) -> Frame:
+    """A frame of a picture, taken from a pose."""
+    rows, columns = image.shape[:2]
+    return Frame(
+        name="0",
+        camera_to_world=pose,
+        intrinsics=np.array([[focal_px, 0, columns / 2], [0, focal_px, rows / 2], [0, 0, 1]]),
+        size_px=(columns, rows),
+        read_image=lambda least_px: image,
+        read_depth=lambda: None,
+    )
+
+
 def frame(shown: float, *, away_m: float = 2.0) -> Frame:
     """A frame that looks straight at the wall, whose picture shows the same light everywhere."""
     image = np.full((SIZE_PX[1], SIZE_PX[0], 3), round(shown / STEP), dtype=np.uint8)
     pose = np.eye(4)
     pose[2, 3] = away_m
-    return Frame(
-        name="0",
-        camera_to_world=pose,
-        intrinsics=np.array([[FOCAL_PX, 0, SIZE_PX[0] / 2], [0, FOCAL_PX, SIZE_PX[1] / 2], [0, 0, 1]]),
-        size_px=SIZE_PX,
-        read_image=lambda least_px: image,
-        read_depth=lambda: None,
-    )
+    return taken(image, pose, FOCAL_PX)
 
 
 def radiometry_of(gain: Sequence[float], vignetting: tuple[float, float] = (0.0, 0.0)) -> Radiometry:
@@ -156,14 +162,7 @@ def shot_of_tiles(pose: FloatArray, gain: float, vignetting: tuple[float, float]
     radius2 = ((columns - size[0] / 2) ** 2 + (rows - size[1] / 2) ** 2) / (0.25 * (size[0] ** 2 + size[1] ** 2))
     light = gain * np.exp(vignetting[0] * radius2 + vignetting[1] * radius2**2) * tiles(points).reshape(size[::-1])
     image = np.repeat(np.rint(light / STEP)[:, :, None], 3, axis=2).astype(np.uint8)
-    return Frame(
-        name="0",
-        camera_to_world=pose,
-        intrinsics=np.array([[focal, 0, size[0] / 2], [0, focal, size[1] / 2], [0, 0, 1]]),
-        size_px=size,
-        read_image=lambda least_px: image,
-        read_depth=lambda: None,
-    )
+    return taken(image, pose, focal)
 
 
 def test_a_wall_is_as_bright_in_the_corners_of_a_picture_as_in_its_middle() -> None:

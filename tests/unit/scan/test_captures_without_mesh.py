@@ -255,13 +255,19 @@ def test_a_list_of_files_under_the_name_of_a_video_is_not_opened(stray: Path, tm
         read_capture(folder)
 
 
+@pytest.fixture
+def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Folder of temporary files."""
+    folder = tmp_path / "scratch"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    return folder
+
+
 def test_a_video_in_an_archive_is_copied_out_within_a_limit_and_leaves_nothing(
-    stray: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    stray: Path, scratch: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     archive = Path(shutil.make_archive(str(tmp_path / "stray"), "zip", stray))
-    scratch = tmp_path / "scratch"
-    scratch.mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
     capture = read_capture(archive)
     assert len(list(scratch.glob("*.mp4"))) == 1
     for _ in range(2):
@@ -276,13 +282,8 @@ def test_a_video_in_an_archive_is_copied_out_within_a_limit_and_leaves_nothing(
     assert not list(scratch.iterdir())
 
 
-def test_a_recording_that_is_refused_leaves_no_copy_of_its_video(
-    stray: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recording_that_is_refused_leaves_no_copy_of_its_video(stray: Path, scratch: Path, tmp_path: Path) -> None:
     archive = Path(shutil.make_archive(str(tmp_path / "stray"), "zip", stray))
-    scratch = tmp_path / "scratch"
-    scratch.mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
     with pytest.raises(ScanError, match="a room between"):
         read_scan_and_frames(archive, unit="mm")
     gc.collect()
