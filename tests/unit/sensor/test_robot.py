@@ -345,7 +345,8 @@ def test_odometry_is_put_right_by_positions_that_come_seldom() -> None:
     found = corrected_odometry(drifting_odometry(truth), fixes, longest_gap_s=2.0)
     place, heading = found.at(wanted, longest_gap_s=2.0)
     true_place, true_heading = truth.at(wanted, longest_gap_s=2.0)
-    assert np.abs(place - true_place).max() < 0.01  # [m]; the odometry itself is half a metre off at the end
+    # [m] half a metre off at the end without it, .0014 with the correction before each pose alone
+    assert np.abs(place - true_place).max() < 0.001
     assert np.abs(heading - true_heading).max() < 0.01
     assert found.frame == "map"
 
