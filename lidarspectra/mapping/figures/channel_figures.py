@@ -167,7 +167,7 @@ def reflectances_figure(
     Parameters
     ----------
     materials : tuple of Material
-        At least one.
+        At least one, by the numbers of their groups in materials.csv, which stand on the curves.
     areas_m2 : (material,) float
         [m²]
     range_nm : (float, float)
@@ -186,21 +186,23 @@ def reflectances_figure(
     axes.set_xlim(*range_nm)
     axes.set_ylim(0.0, 1.0)
     wavelengths = np.linspace(*range_nm, 401)
-    for number, index in enumerate(order):
-        material = materials[index]
-        share = float(areas_m2[index]) / total
-        label = f"{number + 1}  {plain(material.name, longest=30)}  {areas_m2[index]:.1f} m² ({share:.0%})"
-        _draw_reflectance(axes, material, wavelengths, number, label)
+    for rank, group in enumerate(order.tolist()):
+        material = materials[group]
+        share = float(areas_m2[group]) / total
+        label = f"{group}  {plain(material.name, longest=30)}  {areas_m2[group]:.1f} m² ({share:.0%})"
+        _draw_reflectance(axes, material, wavelengths, rank, str(group), label)
     axes.set_xlabel("wavelength [nm]")
     axes.set_ylabel("reflectance [1]")
     axes.grid(visible=True)
-    title = "by area; dashed: extrapolated"
+    title = "group, by area; dashed: extrapolated"
     legend = axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.02), title=title, alignment="left", handlelength=1.8)
     legend.get_title().set_fontsize(8.5)
     return figure
 
 
-def _draw_reflectance(axes: Axes, material: Material, wavelengths: FloatArray, number: int, label: str) -> None:
+def _draw_reflectance(
+    axes: Axes, material: Material, wavelengths: FloatArray, rank: int, number: str, label: str
+) -> None:
     """A curve in its own colour with a dark edge, so that white shows on white paper, and its number on it."""
     values = material.reflectance.at(wavelengths, outside="nearest")
     low, high = material.measured_range_nm
@@ -222,10 +224,10 @@ def _draw_reflectance(axes: Axes, material: Material, wavelengths: FloatArray, n
         )
         handle_drawn = True
     spot = int(
-        (0.06 + 0.88 * ((number * 0.381966) % 1.0)) * (wavelengths.size - 1)
+        (0.06 + 0.88 * ((rank * 0.381966) % 1.0)) * (wavelengths.size - 1)
     )  # steps of the golden ratio keep the numbers apart
     axes.annotate(
-        str(number + 1),
+        number,
         (float(wavelengths[spot]), float(values[spot])),
         ha="center",
         va="center",

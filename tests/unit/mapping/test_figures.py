@@ -447,11 +447,13 @@ def test_only_the_measured_part_of_a_reflectance_is_a_full_line():
     assert np.all((outside < 400.0) | (outside > 700.0))
 
 
-def test_materials_are_drawn_by_area():
-    figure = reflectances_figure((_material("small"), _material("large")), np.array([1.0, 9.0]))
+def test_materials_are_drawn_by_area_and_numbered_as_a_file_of_assignments_names_them():
+    materials = (_material("small"), _material("middling"), _material("large"))
+    figure = reflectances_figure(materials, np.array([1.0, 3.0, 6.0]))
     texts = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-    assert texts[0].startswith("1  large")
-    assert "90%" in texts[0]
+    assert [text.split()[:2] for text in texts] == [["2", "large"], ["1", "middling"], ["0", "small"]]
+    assert "60%" in texts[0]
+    assert [text.get_text() for text in figure.axes[0].texts] == ["2", "1", "0"]
 
 
 def test_lamps_are_drawn_where_they_hang_in_their_true_size(make_transport, plan, lamps):
