@@ -7,7 +7,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ReadingError
-from lidarspectra.hardware.robot.robot import location_table, locations_of
+from lidarspectra.hardware.robot.robot import location_table, locations_of, storeys_of
 from lidarspectra.hardware.robot.time_offset import ExpectedLight
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.calibration import reference_bands
@@ -147,7 +147,7 @@ def read_map(path: Path) -> tuple[FloatArray, FloatArray]:
 
 
 def map_light(path: Path) -> ExpectedLight:
-    """Light of a map table at any place: of its four nearest points, by inverse square distance on the floor.
+    """Light of a map table at any place: of the four nearest points of its storey, by inverse square distance there.
 
     Raises
     ------
@@ -157,12 +157,17 @@ def map_light(path: Path) -> ExpectedLight:
     from scipy.spatial import cKDTree
 
     positions, values = read_map(path)
-    tree = cKDTree(positions[:, :2])
-    count = min(4, len(positions))
 
     def at(places: FloatArray) -> FloatArray:
-        distance, index = tree.query(places[:, :2], k=np.arange(1, count + 1))
-        weight = 1.0 / np.maximum(distance, MIN_DISTANCE_M) ** 2
-        return np.asarray((values[index] * weight[..., None]).sum(axis=1) / weight.sum(axis=1)[:, None])
+        found = np.full((len(places), values.shape[1]), np.nan)
+        of_place, of_point = storeys_of(places, positions)
+        for storey in np.unique(of_place):
+            own, rows = np.flatnonzero(of_point == storey), np.flatnonzero(of_place == storey)
+            tree, count = cKDTree(positions[own, :2]), min(4, own.size)
+            distance, index = tree.query(places[rows, :2], k=np.arange(1, count + 1))
+            weight = 1.0 / np.maximum(distance, MIN_DISTANCE_M) ** 2
+            light = (values[own[index]] * weight[..., None]).sum(axis=1)
+            found[rows] = light / weight.sum(axis=1, keepdims=True)
+        return found
 
     return at

@@ -267,6 +267,25 @@ def median_spacing(locations: FloatArray) -> float:
     return float(np.median(nearest[np.isfinite(nearest)])) if np.isfinite(nearest).any() else 2.0 * DEFAULT_RADIUS_M
 
 
+def storeys_of(places: FloatArray, locations: FloatArray) -> tuple[IntArray, IntArray]:
+    """Numbers of the storeys of locations, from below, and of the one that each place lies in or nearest to.
+
+    Parameters
+    ----------
+    places, locations : (n, 3) float
+        One location at least. [m]
+
+    Returns
+    -------
+    of_place : (place,) int
+    of_location : (location,) int
+    """
+    of_location = _storeys(locations)
+    heights = [locations[of_location == number, 2] for number in range(of_location.max() + 1)]
+    apart = [np.maximum(low.min() - places[:, 2], places[:, 2] - low.max()) for low in heights]
+    return np.argmin(np.maximum(apart, 0.0), axis=0).astype(np.int64), of_location
+
+
 def _storeys(locations: FloatArray) -> IntArray:
     """(location,) number of the storey, from below."""
     order = np.argsort(locations[:, 2], kind="stable")
@@ -282,10 +301,7 @@ def _nearest(places: FloatArray, locations: FloatArray) -> tuple[IntArray, Float
     index, distance = np.zeros(len(places), dtype=np.int64), np.zeros(len(places))
     if not len(places):
         return index, distance
-    of_location = _storeys(locations)
-    heights = [locations[of_location == number, 2] for number in range(of_location.max() + 1)]
-    apart = [np.maximum(low.min() - places[:, 2], places[:, 2] - low.max()) for low in heights]
-    of_place = np.argmin(np.maximum(apart, 0.0), axis=0)
+    of_place, of_location = storeys_of(places, locations)
     for number in np.unique(of_place):
         rows, own = np.flatnonzero(of_place == number), np.flatnonzero(of_location == number)
         some = np.arange(1, min(MAX_STACKED, own.size) + 1)

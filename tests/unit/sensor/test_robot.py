@@ -13,6 +13,7 @@ from lidarspectra.errors import ArrayError, LidarSpectraError, ReadingError
 from lidarspectra.hardware.robot.alignment import align, read_point_pairs
 from lidarspectra.hardware.robot.corrected_odometry import corrected_odometry
 from lidarspectra.hardware.robot.poses import read_poses, yaw
+from lidarspectra.hardware.robot.reference_files import map_light
 from lidarspectra.hardware.robot.robot import (
     grid_readings,
     measured_table,
@@ -22,6 +23,7 @@ from lidarspectra.hardware.robot.robot import (
 )
 from lidarspectra.hardware.robot.time_offset import estimate_time_offset
 from lidarspectra.hardware.robot.trajectory import Trajectory
+from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
 from lidarspectra.hardware.sensor.readings import make_readings
 
@@ -530,3 +532,12 @@ def test_what_are_no_locations_is_a_clear_error(text: str, tmp_path: Path) -> No
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ReadingError):
         read_locations(path)
+
+
+def test_light_of_a_map_is_that_of_the_robot_s_storey(tmp_path: Path) -> None:
+    rows = [f"{x},{y},{z},{light}" for z, light in ((0.3, 1.0), (3.2, 100.0)) for x in range(3) for y in range(3)]
+    path = tmp_path / "map.csv"
+    path.write_text("\n".join(["x,y,z,E_560", *rows]) + "\n", encoding="utf-8")
+    light = map_light(path)(np.array([[0.9, 1.2, 0.0], [0.9, 1.2, 2.9], [1.7, 0.1, 0.5]]))
+    np.testing.assert_allclose(light[:, CHANNEL_LABELS.index("560")], [1.0, 100.0, 1.0])
+    assert np.isnan(np.delete(light, CHANNEL_LABELS.index("560"), axis=1)).all()
