@@ -11,6 +11,7 @@ Crawley, Hand and Lawrie, Improving the weather information available to simulat
 1980 (global irradiance under a cloud cover N: G/G_clear = 1 - .75 N^3.4).
 """
 
+import csv
 from dataclasses import dataclass
 from datetime import timedelta, timezone
 from os import PathLike
@@ -26,6 +27,9 @@ from lidarspectra.radiance.scene.clear_sky import clear_light
 SYNTHETIC = "synthetic"
 YEAR = 2023  # of the calendar that hours are given: one of 365 days
 HOURS = 8760  # of a year
+HEADER_LINES = 8  # of an EPW file
+PLACE_COLUMNS = (6, 7, 8)  # latitude, longitude and hours from UTC in its first line
+COLUMNS = (1, 2, 3, 14, 15)  # month, day, hour from 1 to 24, direct normal and diffuse horizontal radiation
 HALF_HOUR = pd.Timedelta(minutes=30)
 SOLAR_MAX_W_M2 = 1500.0  # [W/m²] above the sun's light outside the atmosphere: what is more is a fault of the file
 SYNTHETIC_SEED = 1
@@ -50,6 +54,8 @@ class Weather:
         Irradiance by the sun alone on a plane that faces it. [W/m²]
     dhi : (hour,) float
         Irradiance by the sky alone on level ground. [W/m²]
+    notes : tuple of str
+        What was left out of a file, as full sentences.
     """
 
     name: str
@@ -58,6 +64,7 @@ class Weather:
     times: pd.DatetimeIndex
     dni: FloatArray
     dhi: FloatArray
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("dni", "dhi"):
@@ -83,7 +90,7 @@ class Weather:
 
 
 def read_epw(path: str | PathLike[str]) -> Weather:
-    """Read an EPW file.
+    """Read an EPW file; of a leap year without its 29th of February.
 
     Parameters
     ----------
@@ -99,15 +106,20 @@ def read_epw(path: str | PathLike[str]) -> Weather:
     LampError
         If the file cannot be read, is no EPW, is not of a whole year, or lacks radiation.
     """
-    import pvlib  # here, since it takes over a second
-
     path = path_of(path, name="weather")
     try:
-        data, place = pvlib.iotools.read_epw(str(path), coerce_year=YEAR)
-        dni, dhi = (data[name].to_numpy(dtype=np.float64) for name in ("dni", "dhi"))
-        latitude, longitude = float(place["latitude"]), float(place["longitude"])
-        times = pd.DatetimeIndex(data.index) + HALF_HOUR
-    except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError) as cause:
+        lines = _decoded(path.read_bytes()).splitlines()
+        place = next(csv.reader(lines[:1]), [])
+        if not place or place[0].strip().upper() != "LOCATION":
+            raise ValueError("a first line that does not begin with LOCATION")
+        latitude, longitude, offset_h = (float(place[number]) for number in PLACE_COLUMNS)
+        rows = [row for row in csv.reader(lines[HEADER_LINES:]) if any(row)]
+        month, day, hour, dni, dhi = np.array([[float(row[n]) for n in COLUMNS] for row in rows], np.float64).T
+        leap = (month == 2) & (day == 29)
+        dates = pd.DataFrame({"year": YEAR, "month": month[~leap], "day": day[~leap]})
+        local = pd.DatetimeIndex(pd.to_datetime(dates) + pd.to_timedelta(hour[~leap] - 1.0, unit="h")) + HALF_HOUR
+        times = local.tz_localize(timezone(timedelta(hours=offset_h)))
+    except (OSError, ValueError, IndexError, OverflowError, csv.Error) as cause:
         raise LampError(
             expected="a weather file in EPW form",
             found=str(cause) or type(cause).__name__,
@@ -115,9 +127,30 @@ def read_epw(path: str | PathLike[str]) -> Weather:
             todo="Files of most places are at climate.onebuilding.org and energyplus.net/weather.",
         ) from cause
     if len(times) != HOURS:
-        raise LampError(expected=f"{HOURS} hours, a year", found=f"{len(times)}", where=str(path))
-    name = str(place.get("city") or path.stem)
-    return Weather(name=name, latitude_deg=latitude, longitude_deg=longitude, times=times, dni=dni, dhi=dhi)
+        raise LampError(
+            expected=f"{HOURS} hours, a year",
+            found=f"{len(times)} rows",
+            where=str(path),
+            todo="Give a file of a whole year with one row an hour.",
+        )
+    left_out = "The year's 29th of February is left out: metrics are of 365 days." if leap.any() else ""
+    return Weather(
+        name=place[1].strip() or path.stem,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        times=times,
+        dni=dni[~leap],
+        dhi=dhi[~leap],
+        notes=tuple(filter(None, [left_out])),
+    )
+
+
+def _decoded(content: bytes) -> str:
+    """Text in UTF-8 or, as names of many places are in files of the 1990s, in Latin-1."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
 
 
 def synthetic_year(

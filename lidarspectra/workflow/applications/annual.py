@@ -350,7 +350,7 @@ def _weather(section: DaylightSection, base: Path) -> Weather:
 
 
 def _notes(transport: xr.Dataset, weather: Weather, section: DaylightSection) -> tuple[str, ...]:
-    notes = []
+    notes = [*weather.notes]
     if section.weather == SYNTHETIC:
         notes.append(
             "The weather is the synthetic year: the sun of the place under clouds that were drawn at random, not its "

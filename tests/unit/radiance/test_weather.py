@@ -65,6 +65,36 @@ def test_a_file_that_is_no_whole_year_is_refused(tmp_path: Path, make, words: st
         read_epw(make(tmp_path / "year.epw"))
 
 
+def test_a_leap_year_is_read_without_its_29th_of_february(tmp_path: Path) -> None:
+    path = epw(tmp_path / "year.epw")
+    lines = path.read_text(encoding="ascii").splitlines()
+    before = 8 + 59 * 24
+    leap = [
+        line.replace("1999,2,28,", "1999,2,29,").replace(",400.0,", ",777.0,") for line in lines[before - 24 : before]
+    ]
+    path.write_text("\n".join([*lines[:before], *leap, *lines[before:]]) + "\n", encoding="ascii")
+    weather = read_epw(path)
+    plain = read_epw(epw(tmp_path / "plain.epw"))
+    assert weather.times.equals(plain.times)
+    np.testing.assert_array_equal(weather.dni, plain.dni)
+    assert weather.notes == ("The year's 29th of February is left out: metrics are of 365 days.",)
+    assert plain.notes == ()
+
+
+def test_a_place_whose_name_is_in_latin_1_is_read(tmp_path: Path) -> None:
+    path = epw(tmp_path / "year.epw")
+    path.write_bytes(path.read_bytes().replace(b"Nowhere", "S\xe3o Paulo".encode("latin-1")))
+    assert read_epw(path).name == "S\xe3o Paulo"
+
+
+def test_hours_from_utc_may_be_halves(tmp_path: Path) -> None:
+    path = epw(tmp_path / "year.epw")
+    path.write_text(path.read_text(encoding="ascii").replace(",1.0,500.0", ",5.5,500.0"), encoding="ascii")
+    weather = read_epw(path)
+    assert weather.offset_h == 5.5
+    assert weather.times[12].strftime("%H:%M %z") == "12:30 +0530"
+
+
 def test_the_synthetic_year_is_the_same_at_each_call_and_under_the_places_sun() -> None:
     one, other = synthetic_year(48.0, 11.0), synthetic_year(48.0, 11.0)
     assert np.array_equal(one.dni, other.dni)
