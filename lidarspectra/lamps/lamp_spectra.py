@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray
+from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import ArgumentError
 from lidarspectra.spectra.database_files import data_folder, table
 from lidarspectra.spectra.spectrum import LUMINOUS_EFFICACY_LM_W, BandSet, Spectrum
@@ -16,6 +16,8 @@ SECOND_RADIATION_CONSTANT_NM_K = 1.438776877e7  # [nm K] c2 = hc/k (CODATA 2018)
 LOWEST_CCT_K = 1000.0  # [K] a glowing wire that hardly shines
 HIGHEST_CCT_K = 25000.0  # [K] the daylight formulas end there
 DARK_CHANNEL = 1e-3  # [1] of a lamp's brightest channel; relative errors below it are meaningless
+DARK_END = 1e-3  # [1] of a spectrum's peak: where it ends above it, light goes on beyond
+MAX_UNKNOWN_SHARE = 0.02  # [1] of a channel's response beyond such an end: a full width from it
 CCT_CORRECTION = 1.4388 / 1.4380  # [1] of a nominal daylight temperature, c2 then and now (CIE 15:2018, D illuminants)
 
 
@@ -64,6 +66,44 @@ def dark_channels(fluxes: Sequence[Spectrum], bands: BandSet) -> BoolArray:
     """
     sent = np.stack([bands.band_values(flux, outside="zero") for flux in fluxes])
     return np.asarray((sent <= DARK_CHANNEL * sent.max(axis=1, keepdims=True)).all(axis=0), dtype=np.bool_)
+
+
+def beyond_ends(fluxes: Sequence[Spectrum], bands: BandSet) -> FloatArray:
+    """What lamps would send into channels beyond the ends of their spectra, if they went on as bright as there.
+
+    A spectrum that ends in the dark is taken to stay dark.
+
+    Parameters
+    ----------
+    fluxes : sequence of Spectrum
+        Of every lamp. [W/nm]
+    bands : BandSet
+
+    Returns
+    -------
+    beyond : (lamp, band) float
+        Over the lamp's flux in its brightest channel. [1]
+    """
+    sent = [float(bands.band_values(flux, outside="zero").max()) for flux in fluxes]
+    most = [
+        bands.weights @ _held_ends(flux, bands) / light if light > 0 else np.zeros(len(bands))
+        for flux, light in zip(fluxes, sent, strict=True)
+    ]
+    return np.array(most, dtype=np.float64).reshape(-1, len(bands))
+
+
+def unknown_channels(flux: Spectrum, bands: BandSet) -> BoolArray:
+    """(band,) channels of whose response more than `MAX_UNKNOWN_SHARE` lies beyond an end at which there is light."""
+    share = bands.weights @ (_held_ends(flux, bands) > 0)
+    return np.asarray(share > MAX_UNKNOWN_SHARE, dtype=np.bool_)
+
+
+def _held_ends(flux: Spectrum, bands: BandSet) -> FloatArray:
+    """(wavelength,) of the channels' grid: beyond a spectrum's ends its value there, 0 within and past dark ends."""
+    grid, values = bands.wavelengths_nm, flux.values
+    first, last = flux.range_nm
+    ends = np.where(grid < first, values[0], np.where(grid > last, values[-1], 0.0))
+    return np.where(ends > DARK_END * values.max(), ends, 0.0)
 
 
 def cct_spectrum(cct_k: float) -> Spectrum:

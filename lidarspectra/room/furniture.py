@@ -3,7 +3,8 @@
 import cv2
 import numpy as np
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import BoolArray, FloatArray
+from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.room import Room
 
@@ -54,3 +55,11 @@ def furniture_outlines(scan: Scan, room: Room) -> tuple[FloatArray, ...]:
     large.sort(key=cv2.contourArea, reverse=True)
     simple = [cv2.approxPolyDP(contour, CORNER_TOLERANCE_M / PIXEL_M, True)[:, 0, :] for contour in large]
     return tuple(low + PIXEL_M * outline.astype(np.float64) for outline in simple if len(outline) >= 3)
+
+
+def under_furniture(scan: Scan, room: Room, places: FloatArray) -> BoolArray:
+    """(place,) whether something lower than `HIGHEST_M` above the floor is over each of (place, 3) positions [m]."""
+    air_m = room.floor_at(places) + HIGHEST_M - places[:, 2]
+    up = np.broadcast_to([0.0, 0.0, 1.0], places.shape)
+    hits = caster_of(scan).nearest(places, up)
+    return np.asarray(hits.met & (hits.distance < air_m), dtype=np.bool_)

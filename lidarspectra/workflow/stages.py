@@ -108,7 +108,13 @@ from lidarspectra.workflow.run_folder.workspace import (
     stage_folder,
     stage_key,
 )
-from lidarspectra.workflow.trace_notes import glass_notes, trace_warnings, truncation_in_words
+from lidarspectra.workflow.trace_notes import (
+    beyond_notes,
+    glass_notes,
+    levels_in_words,
+    trace_warnings,
+    truncation_in_words,
+)
 from lidarspectra.workflow.whole_room import missing_in_words, whole_room
 
 REPORT_PAGE = PAGE
@@ -518,11 +524,9 @@ def map_stage(
         light_map = mark_assumed(spectral_map(transport.value, lamps=lamps, unknowns=unknowns), assumed)
         save_map(light_map, folder / MAP_FILE)
         save_map_table(light_map, folder / MAP_TABLE_FILE)
-        mean = light_map["irradiance"].mean("point")
         return Notes(
             summary=f"{light_map.sizes['band']} channels x {counted(light_map.sizes['point'], 'point')}; "
-            f"mean {float(mean.min()):.3g} to {float(mean.max()):.3g} W/m²/nm"
-            + (f", {float(light_map['illuminance'].mean()):.0f} lx" if "illuminance" in light_map else "")
+            + levels_in_words(light_map)
             + (f" {words}" if (words := uncertainty_in_words(light_map.attrs)) else "")
             + (f"; assumed: {words}" if (words := assumed.in_words()) else ""),
             warnings=(
@@ -530,6 +534,7 @@ def map_stage(
                 *lost_calibration_note(run_file.calibration, folder.parent, [lamp.name for lamp in lamps]),
                 *(lit_notes if run_file.lamps_from_scan else lamp_notes)(assumed, len(lamps)),
                 *relit_notes(light_map, traced, lamps),
+                *beyond_notes(lamps, scene.value.bands),
             ),
         )
 

@@ -6,10 +6,9 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.path import Path as Polygon
 from matplotlib.patheffects import Normal, Stroke
 
-from lidarspectra.arrays import ByteArray, FloatArray
+from lidarspectra.arrays import BoolArray, ByteArray, FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.figures.figure_style import (
     DASHES,
@@ -74,18 +73,17 @@ class ReportView:
             )
 
 
-def choose_points(dataset: xr.Dataset, furniture: tuple[FloatArray, ...] = ()) -> tuple[ChosenPoint, ...]:
+def choose_points(dataset: xr.Dataset, covered: BoolArray | None = None) -> tuple[ChosenPoint, ...]:
     """Representative points: the highest, the median and the lowest, under furniture and in the open.
 
-    Points are ranked by their irradiance, summed over the bands; buried points are left out. A point is under furniture
-    where its place lies within a silhouette.
+    Points are ranked by their irradiance, summed over the bands; buried points are left out.
 
     Parameters
     ----------
     dataset : xarray.Dataset
         A spectral map.
-    furniture : tuple of (corner, 2) float
-        Silhouettes. [m]
+    covered : (point,) bool, optional
+        Points that are under furniture, and not over it; none by default.
 
     Returns
     -------
@@ -97,15 +95,12 @@ def choose_points(dataset: xr.Dataset, furniture: tuple[FloatArray, ...] = ()) -
     if kept.size == 0:
         return ()
     rising = kept[np.argsort(checked["irradiance"].to_numpy()[kept].sum(axis=1), kind="stable")]
-    places = np.stack([checked["x"].to_numpy()[rising], checked["y"].to_numpy()[rising]], axis=1)
-    covered = np.zeros(rising.size, dtype=np.bool_)
-    for shape in furniture:
-        covered |= Polygon(shape).contains_points(places)
+    under = np.zeros(rising.size, dtype=np.bool_) if covered is None else covered[rising]
     reasons = {int(rising[-1]): "highest"}
     reasons.setdefault(int(rising[rising.size // 2]), "median")
-    if covered.any() and not covered.all():
-        reasons.setdefault(int(rising[~covered][0]), "lowest in the open")
-        reasons.setdefault(int(rising[covered][0]), "lowest under furniture")
+    if under.any() and not under.all():
+        reasons.setdefault(int(rising[~under][0]), "lowest in the open")
+        reasons.setdefault(int(rising[under][0]), "lowest under furniture")
     reasons.setdefault(int(rising[0]), "lowest")
     rank = {int(index): number for number, index in enumerate(rising)}
     brightest_first = sorted(reasons, key=lambda index: -rank[index])
@@ -130,6 +125,7 @@ def spectra_figure(dataset: xr.Dataset, points: tuple[ChosenPoint, ...]) -> Figu
     irradiance = checked["irradiance"].to_numpy()[rows]
     bars, words = error_bars(checked)
     errors = BARS_SE * bars[rows]
+    below = np.minimum(errors, np.maximum(irradiance, 0.0))  # no light is less than none
     prefix = prefix_of(irradiance)
     bands = checked["band"].to_numpy()
     figure = new_figure(PAGE_WIDTH_IN, 4.1)
@@ -139,7 +135,7 @@ def spectra_figure(dataset: xr.Dataset, points: tuple[ChosenPoint, ...]) -> Figu
         axes.errorbar(
             bands,
             irradiance[number] * prefix.factor,
-            yerr=errors[number] * prefix.factor,
+            yerr=np.stack([below[number], errors[number]]) * prefix.factor,
             color=OKABE_ITO[number % len(OKABE_ITO)],
             marker=MARKERS[number % len(MARKERS)],
             linestyle=DASHES[number % len(DASHES)],
@@ -148,7 +144,7 @@ def spectra_figure(dataset: xr.Dataset, points: tuple[ChosenPoint, ...]) -> Figu
             elinewidth=1.0,
             label=f"{point.reason}\n({x:.2f}, {y:.2f}, {z:.2f}) m",
         )
-    axes.set_ylim(bottom=min(0.0, float((irradiance - errors).min()) * prefix.factor))
+    axes.set_ylim(bottom=min(0.0, float((irradiance - below).min()) * prefix.factor))
     axes.set_xlabel("wavelength [nm]")
     axes.set_ylabel(f"spectral irradiance [{irradiance_unit(prefix)}]")
     axes.grid(visible=True)

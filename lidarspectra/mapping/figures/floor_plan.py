@@ -104,7 +104,7 @@ class FloorPlan:
         )
 
 
-def floor_plan(scan: Scan, room: Room, *, level_m: float | None = None) -> FloorPlan:
+def floor_plan(scan: Scan, room: Room, *, level_m: float | None = None, floor_z: float | None = None) -> FloorPlan:
     """A scanned room from above, with what stands in it.
 
     Parameters
@@ -113,17 +113,19 @@ def floor_plan(scan: Scan, room: Room, *, level_m: float | None = None) -> Floor
     room : Room
     level_m : float, optional
         Height of the maps in the scan's coordinates, for `FloorPlan.air`. [m]
+    floor_z : float, optional
+        Height of the floor below them; the main one's by default. [m]
     """
     return FloorPlan(
         outline=room.outline,
         furniture=furniture_outlines(scan, room),
         other_outlines=room.other_outlines,
-        air=None if level_m is None else air_on_level(scan, room, level_m),
+        air=None if level_m is None else air_on_level(scan, room, level_m, floor_z),
     )
 
 
-def air_on_level(scan: Scan, room: Room, level_m: float) -> AirOnLevel:
-    """Where a level of a room [m, in the scan's coordinates] is air; see `FreeSpace.inside`."""
+def air_on_level(scan: Scan, room: Room, level_m: float, floor_z: float | None = None) -> AirOnLevel:
+    """Where a level of a room over a floor [m, in the scan's coordinates] is air; see `FreeSpace.inside`."""
     corners = np.concatenate(room.outlines)
     low, high = corners.min(axis=0), corners.max(axis=0)
     cell_m = float((high - low).max()) / AIR_ACROSS
@@ -131,7 +133,12 @@ def air_on_level(scan: Scan, room: Room, level_m: float) -> AirOnLevel:
     places = np.stack(np.meshgrid(x, y), axis=-1)
     points = np.concatenate([places, np.full((*places.shape[:2], 1), level_m)], axis=-1)
     is_air = FreeSpace(scan, room).inside(points.reshape(-1, 3)).reshape(y.size, x.size)
-    return AirOnLevel(height_m=level_m - room.floor_z, lowest=np.array([x[0], y[0]]), cell_m=cell_m, is_air=is_air)
+    return AirOnLevel(
+        height_m=level_m - (room.floor_z if floor_z is None else floor_z),
+        lowest=np.array([x[0], y[0]]),
+        cell_m=cell_m,
+        is_air=is_air,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,7 +41,7 @@ from lidarspectra.mapping.figures.plan_drawing import (
 )
 from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.interpolation import Method, map_planes, plan_places
-from lidarspectra.mapping.maps.map_schema import check_map, kept_points
+from lidarspectra.mapping.maps.map_schema import check_map, dark_bands, kept_points
 from lidarspectra.words import two_digits
 
 ColorScale = Literal["panel", "shared", "shape"]
@@ -73,7 +73,8 @@ def maps_figure(
         Points on one plane; the largest of `map_planes` if left out. Too few for a map are drawn as points alone.
     scale : 'panel', 'shared' or 'shape'
         A colour scale for each band, which shows where its light is; one for all, which shows how much; or what differs
-        between the bands: each over its own mean, against the mean of that over all bands. [%]
+        between the bands: each over its own mean, against the mean of that over all bands, those with next to no light
+        left out. [%]
     method : str
         See `grid_map`.
 
@@ -83,7 +84,10 @@ def maps_figure(
     """
     checked = check_map(dataset, where="map to draw")
     chosen = _chosen(checked, points)
-    shown = _shown_bands(checked.sizes["band"])
+    bands = np.arange(checked.sizes["band"])
+    if scale == "shape":
+        bands = np.flatnonzero(~dark_bands(checked.isel(point=chosen)))
+    shown = bands[_shown_bands(bands.size)]
     values = checked["irradiance"].to_numpy()[:, shown]
     prefix = Prefix(symbol="", factor=1.0) if scale == "shape" else prefix_of(values[chosen])
     values = _shapes_percent(values, chosen) if scale == "shape" else values
@@ -91,7 +95,7 @@ def maps_figure(
     labels = checked["band_label"].to_numpy()[shown]
     layout = PanelLayout.of(plan, len(shown), colorbars=scale == "panel")
     figure = new_figure(PAGE_WIDTH_IN, layout.height_in)
-    shared, colors = Normalize(0.0, float(values[chosen].max()) * prefix.factor), LIGHT_MAP
+    shared, colors = Normalize(0.0, float(values[chosen].max()) * prefix.factor or 1.0), LIGHT_MAP
     if scale == "shape":
         most = float(np.abs(values[chosen]).max()) or 1.0
         shared, colors = Normalize(-most, most), DIFFERENCE_MAP
@@ -108,11 +112,11 @@ def maps_figure(
     what = ["deviation from the channels' mean shape", "[%]"]
     if scale != "shape":
         what = ["spectral irradiance", f"[{irradiance_unit(prefix)}]"]
-    words = "\n".join(filter(None, [*what, level_words(plan)]))
-    if len(shown) < checked.sizes["band"]:
-        words += f"\n{len(shown)} of {checked.sizes['band']} bands"
+    number_words = f"{len(shown)} of {checked.sizes['band']} bands" if len(shown) < checked.sizes["band"] else ""
+    what += filter(None, [level_words(plan), number_words])
+    words = "\n".join(what)
     if scale != "panel":
-        draw_colorbar(figure, layout.shared_box(), shared, colors, label=words.replace("]\n", "], ").replace("\n", " "))
+        draw_colorbar(figure, layout.shared_box(), shared, colors, label=f"{what[0]} {', '.join(what[1:])}")
         words = ""
     draw_panel_legend(figure, layout, legend_handles(checked, plan, unknown=has_unknown(grid, plan)), words)
     return figure

@@ -49,6 +49,9 @@ class LightUnknowns:
     spectrum_sd : (lamp, band) float, optional
         Deviation of the logarithm of each lamp's light in a band for a spectrum that is a guess, at its luminous flux;
         0 for one that is known, as all are by default. All guesses err alike. [1]
+    beyond : (lamp, band) float, optional
+        What each lamp may send into a band at most beyond the ends of its spectrum, over its flux in its brightest
+        band; nothing by default (`lamps.lamp_spectra.beyond_ends`). [1]
     """
 
     covariance: FloatArray
@@ -56,6 +59,7 @@ class LightUnknowns:
     spread: FloatArray
     local_sd: float
     spectrum_sd: FloatArray | None = None
+    beyond: FloatArray | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "slope", float_array(self.slope, name="slope", shape=(None, None, None)))
@@ -69,9 +73,11 @@ class LightUnknowns:
                 where="LightUnknowns.covariance",
             )
         object.__setattr__(self, "covariance", covariance)
-        guesses = np.zeros((len(covariance) - parts, bands)) if self.spectrum_sd is None else self.spectrum_sd
         shape = (len(covariance) - parts, bands)
-        object.__setattr__(self, "spectrum_sd", float_array(guesses, name="spectrum_sd", shape=shape))
+        for name in ("spectrum_sd", "beyond"):
+            given = getattr(self, name)
+            values = np.zeros(shape) if given is None else given
+            object.__setattr__(self, name, float_array(values, name=name, shape=shape))
 
     @property
     def lamps(self) -> int:
@@ -94,17 +100,29 @@ class LightUnknowns:
         covariance[np.ix_(lamps, lamps)] = given
         return replace(self, covariance=covariance)
 
-    def off_by_spectra(self, by_lamp: FloatArray) -> FloatArray:
-        """(point, band) deviation for guessed spectra, in the unit of each lamp's light (lamp, point, band)."""
-        assert self.spectrum_sd is not None  # since it was checked
-        return np.asarray(np.einsum("lpb,lb->pb", by_lamp, self.spectrum_sd), dtype=np.float64)
+    def off_by_spectra(self, coefficient: FloatArray, flux: FloatArray) -> FloatArray:
+        """(point, band) deviation for spectra that are guesses, or end where there is light [W/m²/nm].
 
-    def with_given_spectra(self, lamps: IntArray) -> "LightUnknowns":
-        """The same where the spectra of some lamps, by their number, are given."""
+        Parameters
+        ----------
+        coefficient : (lamp, point, band) float
+            [m⁻²]
+        flux : (lamp, band) float
+            [W/nm]
+        """
         assert self.spectrum_sd is not None  # since it was checked
-        spectrum_sd = self.spectrum_sd.copy()
-        spectrum_sd[lamps] = 0.0
-        return replace(self, spectrum_sd=spectrum_sd)
+        assert self.beyond is not None
+        guessed = np.einsum("lpb,lb->pb", coefficient, flux * self.spectrum_sd)
+        most = np.einsum("lpb,lb->pb", coefficient, flux.max(axis=1, keepdims=True) * self.beyond)
+        return np.asarray(np.hypot(guessed, UNIFORM * most), dtype=np.float64)
+
+    def with_given_spectra(self, lamps: IntArray, beyond: FloatArray) -> "LightUnknowns":
+        """The same where the spectra of some lamps, by their number, are given, with their `beyond` (some, band)."""
+        assert self.spectrum_sd is not None  # since it was checked
+        assert self.beyond is not None
+        spectrum_sd, now = self.spectrum_sd.copy(), self.beyond.copy()
+        spectrum_sd[lamps], now[lamps] = 0.0, beyond
+        return replace(self, spectrum_sd=spectrum_sd, beyond=now)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -249,6 +267,7 @@ def save_unknowns(unknowns: LightUnknowns, folder: Path) -> Path:
             "slope": (("part", "point", "band"), unknowns.slope.astype(np.float32)),
             "spread": (("part", "band"), unknowns.spread),
             "spectrum_sd": (("lamp", "band"), unknowns.spectrum_sd),
+            "beyond": (("lamp", "band"), unknowns.beyond),
         },
         attrs={"local_sd": unknowns.local_sd},
     )
@@ -286,6 +305,7 @@ def load_unknowns(folder: Path) -> LightUnknowns | None:
             spread=dataset["spread"].to_numpy(),
             local_sd=float(dataset.attrs["local_sd"]),
             spectrum_sd=dataset["spectrum_sd"].to_numpy() if "spectrum_sd" in dataset else None,  # an earlier map
+            beyond=dataset["beyond"].to_numpy() if "beyond" in dataset else None,
         )
     except (KeyError, TypeError, ValueError, OSError) as cause:
         raise MapError(

@@ -30,9 +30,10 @@ import numpy as np
 import xarray as xr
 
 from lidarspectra.arguments import instance_of
-from lidarspectra.arrays import FloatArray, IntArray, float_array
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.errors import ArrayError, MapError
 from lidarspectra.io.netcdf import LARGEST_VALUE
+from lidarspectra.lamps.lamp_spectra import DARK_CHANNEL
 
 IRRADIANCE_UNIT = "W m-2 nm-1"
 ILLUMINANCE_UNIT = "lx"
@@ -127,6 +128,12 @@ def kept_points(dataset: xr.Dataset) -> IntArray:
     """Indices of the points that are not buried, for statistics; of all where every point is buried."""
     kept = ~dataset["buried"].to_numpy()
     return np.flatnonzero(kept if kept.any() else np.ones(kept.size, dtype=np.bool_))
+
+
+def dark_bands(dataset: xr.Dataset) -> BoolArray:
+    """(band,) those with less than a thousandth of the brightest one's mean light; none where all is dark."""
+    mean = dataset["irradiance"].transpose("point", "band").to_numpy().astype(np.float64).mean(axis=0)
+    return np.asarray((mean <= DARK_CHANNEL * mean.max()) & (mean.max() > 0), dtype=np.bool_)
 
 
 def has_illuminance(dataset: xr.Dataset) -> bool:

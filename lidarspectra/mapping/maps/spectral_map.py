@@ -157,7 +157,7 @@ def _uncertainty(
         unknowns,
         by_lamp,
         unknowns.slope * unknowns.spread[:, None],
-        spectra=unknowns.off_by_spectra(by_lamp),
+        spectra=unknowns.off_by_spectra(coefficient, flux),
         opening=opening,
         simulation=own,
         counted=counted,

@@ -5,6 +5,7 @@ import numpy as np
 from lidarspectra.arrays import FloatArray
 from lidarspectra.mapping.figures.figure_style import irradiance_unit, prefix_of
 from lidarspectra.mapping.maps.assumptions import assumptions_of
+from lidarspectra.mapping.maps.interpolation import map_planes
 from lidarspectra.mapping.maps.light_unknowns import error_bars, uncertainty_in_words
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.photometry import covers_vision, light_of_lamps, light_of_map
@@ -47,7 +48,7 @@ def _facts_of_eye(report: ReportInput) -> tuple[Fact, ...]:
             number=float(lux.mean()),
             unit="lx",
         ),
-        _uniformity(lux, key="illuminance_lx", of="the illuminance"),
+        _uniformity(lux, report, key="illuminance_lx", of="the illuminance"),
         Fact(
             name="Melanopic EDI",
             value=f"{digits(float(melanopic.mean()), '.3g')} lx",
@@ -76,18 +77,19 @@ def _facts_of_channels(report: ReportInput) -> tuple[Fact, ...]:
             value=f"{values.mean() * prefix.factor:.3g}",
             remark=f"± {error.mean() * prefix.factor:.2g} {irradiance_unit(prefix)} at a point, over points and bands",
         ),
-        _uniformity(values.mean(axis=1), key="", of="the irradiance"),
+        _uniformity(values.mean(axis=1), report, key="", of="the irradiance"),
         Fact(name="Bands", value=f"{centers.size}", remark=f"{centers[0]:g} to {centers[-1]:g} nm"),
     )
 
 
-def _uniformity(values: FloatArray, *, key: str, of: str) -> Fact:
+def _uniformity(values: FloatArray, report: ReportInput, *, key: str, of: str) -> Fact:
     mean = float(np.mean(values))
     share = float(np.min(values)) / mean if mean > 0 else 0.0
+    mixed = ", which differ in height or direction" if len(map_planes(report.spectral_map)) > 1 else ""
     return Fact(
         name="Uniformity U0",
         value=f"{share:.2f}" if mean > 0 else "–",
-        remark=f"lowest over mean of {of} at {counted(values.size, 'point')}",
+        remark=f"lowest over mean of {of} at {counted(values.size, 'point')}{mixed}",
         fact="uniformity" if key else "",
         key=key,
         number=share,

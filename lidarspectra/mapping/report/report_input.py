@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import xarray as xr
 
-from lidarspectra.arrays import FloatArray, float_array
+from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.geometry.scan import ScanRecord
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.channel_figures import ReportView
@@ -53,8 +53,10 @@ class ReportInput:
         Pictures of how the materials were found.
     segmentation_svg : str
         The figure of these as SVG, where it is drawn already.
+    under_furniture : (point,) bool, optional
+        Points that something of the furniture is over.
     floor_z_m : float
-        Height of the floor in the scan's coordinates. [m]
+        Height of the floor below the maps in the scan's coordinates. [m]
     floor_scanned, ceiling_scanned : float, optional
         Of the plan, what of it was scanned. [0-1]
     room_notes : str
@@ -94,6 +96,7 @@ class ReportInput:
     view_notes: str = ""
     material_pictures: MaterialPictures | None = None
     segmentation_svg: str = ""
+    under_furniture: BoolArray | None = None
     floor_z_m: float = 0.0
     floor_scanned: float | None = None
     ceiling_scanned: float | None = None

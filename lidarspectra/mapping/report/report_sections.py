@@ -25,7 +25,7 @@ from lidarspectra.mapping.figures.material_figures import light_figure, segmenta
 from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.interpolation import leave_one_out, map_planes
 from lidarspectra.mapping.maps.light_unknowns import error_bars, uncertainty_in_words
-from lidarspectra.mapping.maps.map_schema import kept_points
+from lidarspectra.mapping.maps.map_schema import dark_bands, kept_points
 from lidarspectra.mapping.photometry import covers_vision, illuminance, illuminance_from_map
 from lidarspectra.mapping.report import report_page as html
 from lidarspectra.mapping.report import report_tables as tables
@@ -147,6 +147,8 @@ def compared_maps(report: ReportInput, writer: ReportWriter) -> str:
     content = html.details("The maps on one shared scale", shared)
     if dataset.sizes["band"] > 1:
         words = "What differs between the channels: each over its own mean, against the mean of that over all channels."
+        if dark_bands(dataset).any():
+            words += " Channels with next to no light are left out."
         shape = writer.figure("maps-shape", maps_figure(dataset, report.plan, scale="shape"), words)
         content += html.details("What differs between the channels", shape)
     return content
@@ -159,7 +161,7 @@ def bands_section(report: ReportInput, writer: ReportWriter) -> str:
 
 def spectra_section(report: ReportInput, writer: ReportWriter) -> str:
     """Spectra at chosen points."""
-    points = choose_points(report.spectral_map, report.plan.furniture)
+    points = choose_points(report.spectral_map, report.under_furniture)
     if not points:
         return html.paragraph(
             "All sensor points are buried in furniture or walls, so that no spectrum is meaningful. Move them into "

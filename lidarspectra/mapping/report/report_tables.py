@@ -20,6 +20,8 @@ from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.material.material_map import Material
 from lidarspectra.spectra.colorimetry import hex_color
 
+MAX_PERCENT = 1000.0  # [%] of an uncertainty: more says no more
+
 
 @dataclass(frozen=True, kw_only=True)
 class StageRow:
@@ -169,17 +171,17 @@ def bands_table(spectral_map: xr.Dataset) -> Table:
             "median SE [%]": np.median(relative, axis=0),
         }
     )
+    of_all_causes = ""
     if "irradiance_sd" in spectral_map:
-        frame["median uncertainty [%]"] = np.median(_own_uncertainty(spectral_map), axis=0)
+        own = np.median(_own_uncertainty(spectral_map), axis=0)
+        frame["median uncertainty [%]"] = np.where(own <= MAX_PERCENT, own, np.nan)
+        of_all_causes = ", the uncertainty for all causes as a share of each point's own light"
+        if (own > MAX_PERCENT).any():
+            of_all_causes += f" (empty above {MAX_PERCENT:g} %: next to nothing is known there)"
     formats = {"band [nm]": "g", "width [nm]": "g", "median SE [%]": ".2f", "median uncertainty [%]": ".0f"}
     formats |= dict.fromkeys([name for name in map(str, frame.columns) if "W/m²/nm" in name], ".2e")
     caption = (
-        "Spectral irradiance by band; the standard error (SE) as a share of the band's mean"
-        + (
-            ", the uncertainty for all causes as a share of each point's own light."
-            if "irradiance_sd" in spectral_map
-            else "."
-        )
+        f"Spectral irradiance by band; the standard error (SE) as a share of the band's mean{of_all_causes}."
         + _guesses(spectral_map)
     )
     return Table(name="bands", caption=caption, frame=frame, formats=formats)

@@ -6,10 +6,9 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from lidarspectra.arguments import path_of
-from lidarspectra.arrays import BoolArray, FloatArray
+from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.measured_readings import (
     Scale,
@@ -20,7 +19,6 @@ from lidarspectra.hardware.sensor.measured_readings import (
     numbers_of,
     read_readings,
 )
-from lidarspectra.lamps.lamp_spectra import DARK_CHANNEL
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.illuminance_comparison_figure import illuminance_comparison_figure
@@ -28,7 +26,7 @@ from lidarspectra.mapping.figures.map_comparison_figure import map_comparison_fi
 from lidarspectra.mapping.figures.tables import Table, save_table
 from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
-from lidarspectra.mapping.maps.map_schema import has_illuminance
+from lidarspectra.mapping.maps.map_schema import dark_bands, has_illuminance
 from lidarspectra.mapping.maps.readings_on_map import ComparedReadings, compare_readings, match_readings
 from lidarspectra.radiance.scene.scene import load_scene
 from lidarspectra.room.room import load_room
@@ -127,7 +125,7 @@ def evaluate_run(
             where=str(measured),
             todo="'lidarspectra sensor join' turns a log of counts into such a file; or name their unit with --unit.",
         )
-    dark = _dark_channels(light)
+    dark = dark_bands(light)
     read_columns, unlit = set(columns.values()), [index for index in columns if dark[index]]
     columns = {index: name for index, name in columns.items() if not dark[index]}
     if not columns and lux is None:
@@ -179,12 +177,6 @@ def evaluate_run(
         tables=tuple(tables),
         notes=tuple(notes),
     )
-
-
-def _dark_channels(light: xr.Dataset) -> BoolArray:
-    """(band,) whether a channel of a map has less than a thousandth of the brightest one's light."""
-    mean = light["irradiance"].transpose("point", "band").to_numpy().astype(np.float64).mean(axis=0)
-    return np.asarray(mean <= DARK_CHANNEL * mean.max(), dtype=np.bool_)
 
 
 def save_evaluation(evaluation: Evaluation, folder: Path) -> Path:

@@ -13,6 +13,7 @@ from lidarspectra.config import CalibrationSection, LampSection, RunFile
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.lamps.lamp_spectra import beyond_ends
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.usual_spectra import spread_of_usual_lamps
 from lidarspectra.mapping.calibration.model import (
@@ -152,6 +153,7 @@ def unknowns_of_map(
         spread=in_bands / own,
         local_sd=local_sd,
         spectrum_sd=guessed_spectra(run_file, lamps, bands),
+        beyond=beyond_ends([lamp.flux for lamp in lamps], bands),
     )
 
 

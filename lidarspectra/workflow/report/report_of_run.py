@@ -22,6 +22,7 @@ from lidarspectra.material.material_mesh import daylight_colors
 from lidarspectra.material.views.views import ViewSet
 from lidarspectra.progress import Progress
 from lidarspectra.radiance.scene.scene import RadianceScene
+from lidarspectra.room.furniture import under_furniture
 from lidarspectra.workflow.calibration.report import calibration_sections
 from lidarspectra.workflow.report.report_applications import report_applications, shown_cells
 from lidarspectra.workflow.report.report_frames import frames_section
@@ -84,9 +85,12 @@ def report_of_run(
     views, transport = before.views.value, before.transport.value
     materials = shown_materials(before.materials.value, before.scan.value, given.run_file.calibration)
     lamps = load_lamps(before.spectral_map.folder)
-    planes = map_planes(before.spectral_map.value)
-    level_m = float(np.median(before.spectral_map.value["z"].to_numpy()[planes[0]])) if planes else None
-    plan = floor_plan(mesh, found_room, level_m=level_m)
+    light = before.spectral_map.value
+    places = np.stack([light[axis].to_numpy() for axis in "xyz"], axis=1)
+    drawn = places[planes[0]] if (planes := map_planes(light)) else places
+    floor_z = float(np.median(found_room.floor_at(drawn)))
+    level_m = float(np.median(drawn[:, 2])) if planes else None
+    plan = floor_plan(mesh, found_room, level_m=level_m, floor_z=floor_z)
     face_color = mesh.face_colors()
     segmentation = kept_svg(before.materials.folder / SEGMENTATION_FILE)
     is_drawn = segmentation and set(given.run_file.report.figures) <= {"svg"}
@@ -94,7 +98,7 @@ def report_of_run(
     reading(1.0, "scan and materials are read")
     return ReportInput(
         title=title,
-        spectral_map=before.spectral_map.value,
+        spectral_map=light,
         transport=transport,
         plan=plan,
         applications=(
@@ -122,7 +126,8 @@ def report_of_run(
         material_pictures=pictures,
         segmentation_svg=segmentation,
         view_notes=before.views.record.summary,
-        floor_z_m=found_room.floor_z,
+        under_furniture=under_furniture(mesh, found_room, places),
+        floor_z_m=floor_z,
         floor_scanned=found_room.floor_confidence,
         ceiling_scanned=found_room.ceiling_confidence,
         room_notes=before.scan.record.summary,

@@ -12,7 +12,7 @@ import xarray as xr
 from lidarspectra.arguments import all_of, number_of, path_of
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import LampError
-from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
+from lidarspectra.lamps.lamp_spectra import beyond_ends, luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.calibration.model import FLUX_SD, SHEET_ALIKE, alike_in_groups
 from lidarspectra.mapping.maps.assumptions import mark_assumed
@@ -125,7 +125,9 @@ def relit_run(run: str | PathLike[str], orders: Sequence[LampOrder], *, base: st
         traced = [str(name) for name in transport["lamp"].to_numpy()]
         rows = np.array([traced.index(order.lamp) for order in given], dtype=np.int64)
         unknowns = unknowns.with_given_fluxes(rows, _covariance(given))
-        unknowns = unknowns.with_given_spectra(np.flatnonzero(np.isin(traced, recoloured)))
+        places = np.flatnonzero(np.isin(traced, recoloured))
+        spectra = [flux for place in places if isinstance(flux := changes[traced[place]].flux, Spectrum)]
+        unknowns = unknowns.with_given_spectra(places, beyond_ends(spectra, bands))
     light = relight(transport, changes, bands=bands, lamps=tuple(lamps.values()), unknowns=unknowns)
     assumed = assumptions_of_run(run).without(fluxes=[order.lamp for order in given], spectra=recoloured)
     before = {name: lamp.flux for name, lamp in lamps.items()}

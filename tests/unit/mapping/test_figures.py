@@ -411,19 +411,53 @@ def test_inline_svg_takes_the_page_s_colours_and_refers_to_nothing_outside(make_
 def test_the_points_chosen_are_those_that_are_named(make_transport):
     one_map = spectral_map(make_transport(buried=(90,)))
     one_map["irradiance"][90] *= 1e-3  # buried and darkest: must not be chosen
-    points = {point.reason: point.index for point in choose_points(one_map, (TABLE,))}
+    x, y = one_map["x"].to_numpy(), one_map["y"].to_numpy()
+    covered = (x > 0.2) & (x < 1.4) & (y > 0.2) & (y < 1.0)
+    points = {point.reason: point.index for point in choose_points(one_map, covered)}
     total = one_map["irradiance"].sum("band").to_numpy()
     kept = np.delete(np.arange(176), 90)
     assert points["highest"] == kept[total[kept].argmax()]
     assert points["lowest under furniture"] == kept[total[kept].argmin()]
-    x, y = float(one_map["x"][points["lowest in the open"]]), float(one_map["y"][points["lowest in the open"]])
-    assert not (0.2 < x < 1.4 and 0.2 < y < 1.0)
+    assert not covered[points["lowest in the open"]]
     assert sorted(total[list(points.values())])[::-1] == list(total[list(points.values())])
 
 
 def test_without_furniture_there_is_a_plain_lowest_point(make_transport):
     reasons = [point.reason for point in choose_points(spectral_map(make_transport()))]
     assert reasons == ["highest", "median", "lowest"]
+
+
+def test_a_channel_without_light_does_not_hide_what_differs_between_the_others(plan, make_transport):
+    one_map = spectral_map(make_transport())
+    dark = one_map.copy(deep=True)
+    for name in ("irradiance", "irradiance_se"):
+        dark[name][:, 3] = 1e-80
+    titles = {axes.get_title() for axes in maps_figure(dark, plan, scale="shape").axes} - {""}
+    assert "485 nm" not in titles
+    assert len(titles) == 13
+    without = one_map.isel(band=np.delete(np.arange(14), 3))
+    bars = [maps_figure(each, plan, scale="shape").axes[-1].get_ylim() for each in (dark, without)]
+    assert bars[0] == pytest.approx(bars[1])
+
+
+def test_a_map_without_light_is_drawn_in_the_colour_of_none(plan, make_transport):
+    none = spectral_map(make_transport()) * 0.0
+    for name, units in (("irradiance", "W m-2 nm-1"), ("irradiance_se", "W m-2 nm-1"), ("illuminance", "lx")):
+        none[name].attrs["units"] = units
+    none["illuminance_se"].attrs["units"] = "lx"
+    for axes in maps_figure(none, plan, scale="shared").axes:
+        for image in axes.images:
+            assert image.norm(0.0) == 0.0
+
+
+def test_bars_reach_no_lower_than_no_light(make_transport):
+    one_map = spectral_map(make_transport())
+    one_map["irradiance_se"][:] = 2.0 * one_map["irradiance"]
+    axes = spectra_figure(one_map, choose_points(one_map)).axes[0]
+    assert axes.get_ylim()[0] == 0.0
+    bars = [bar for bar in axes.containers if isinstance(bar, ErrorbarContainer)]
+    lowest = min(bottom[1] for bar in bars for bottom, _ in bar.lines[2][0].get_segments())
+    assert lowest == pytest.approx(0.0, abs=1e-9)
 
 
 def test_error_bars_are_two_standard_errors(make_transport):

@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 from lidarspectra.errors import MapError
+from lidarspectra.lamps.lamp_spectra import beyond_ends
 from lidarspectra.mapping.maps.assumptions import Assumptions
 from lidarspectra.mapping.maps.light_unknowns import (
     ALL_CAUSES,
@@ -22,7 +23,7 @@ from lidarspectra.mapping.maps.light_unknowns import (
 )
 from lidarspectra.mapping.maps.map_files import load_map, map_table, read_map_table, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import LampChange, relight, spectral_map
-from lidarspectra.spectra.spectrum import sensor_bands
+from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 from lidarspectra.workflow.scenarios import relighting
 from lidarspectra.workflow.scenarios.relighting import LampOrder
 
@@ -141,9 +142,38 @@ def test_spectra_that_are_guesses_err_alike_in_each_channel_and_not_in_lux(exact
     np.testing.assert_allclose(deviation[:, 9], 0.8 * second[:, 9], rtol=1e-9)
     np.testing.assert_allclose(np.delete(deviation, (3, 9), axis=1), 0.0, atol=1e-12)
     np.testing.assert_allclose(found["illuminance_sd"], 0.0, atol=1e-12)  # lumens are what is given
-    one = spectral_map(exact, unknowns=state.with_given_spectra(np.array([1])))["irradiance_sd"].to_numpy()
+    given = state.with_given_spectra(np.array([1]), np.zeros((1, BANDS)))
+    one = spectral_map(exact, unknowns=given)["irradiance_sd"].to_numpy()
     np.testing.assert_allclose(one[:, 3], 0.5 * first[:, 3], rtol=1e-9)
     np.testing.assert_allclose(one[:, 9], 0.0, atol=1e-12)
+
+
+def test_beyond_the_end_of_a_spectrum_light_is_not_known_and_no_darkness(make_transport, tmp_path):
+    """An incandescent lamp that was measured to 700 nm: 760 nm has what it tells, 0, and a deviation as of its end."""
+    bands = sensor_bands("as7265x-14")
+    cut = Spectrum(wavelengths_nm=[380.0, 700.0], values=[0.2, 1.0])
+    ends_dark = Spectrum(wavelengths_nm=[380.0, 500.0, 700.0], values=[0.2, 1.0, 0.0])
+    beyond = beyond_ends([cut, ends_dark], bands)
+    brightest = bands.band_values(cut, outside="zero").max()
+    assert beyond[0, -1] == pytest.approx(1.0 / brightest)
+    assert beyond[0, 3] < 1e-12
+    assert beyond[1, 1:].max() < 1e-6
+    transport = make_transport()
+    transport = transport.assign(coefficient_se=transport["coefficient_se"] * 0)
+    flux = np.stack([bands.band_values(each, outside="zero") for each in (cut, ends_dark)])
+    transport = transport.assign(flux=(("lamp", "band"), flux, transport["flux"].attrs))
+    state = replace(unknowns(known_but()), beyond=beyond)
+    save_unknowns(state, tmp_path)
+    kept = load_unknowns(tmp_path)
+    assert kept is not None
+    found = spectral_map(transport, unknowns=kept)
+    coefficient = transport["coefficient"].transpose("lamp", "point", "band").to_numpy()
+    np.testing.assert_allclose(found["irradiance_sd"][:, -1], coefficient[0, :, -1] / np.sqrt(3), rtol=1e-6)
+    np.testing.assert_allclose(found["irradiance_sd"][:, 3], 0.0, atol=1e-12)
+    off = relight(transport, {"panel 1": LampChange(dim=0.0)}, unknowns=kept)
+    assert off["irradiance_sd"][:, -1].max() == 0.0
+    bluer = kept.with_given_spectra(np.array([0]), beyond_ends([ends_dark], bands))
+    assert spectral_map(transport, unknowns=bluer)["irradiance_sd"][:, -1].max() < 1e-12
 
 
 def test_a_map_of_an_earlier_version_that_knows_no_spectra_is_told_in_words_and_read(exact, tmp_path):
@@ -152,11 +182,12 @@ def test_a_map_of_an_earlier_version_that_knows_no_spectra_is_told_in_words_and_
     assert "lamps" in uncertainty_in_words(attributes)
     save_unknowns(unknowns(known_but(u0=0.1)), tmp_path)
     with xr.open_dataset(tmp_path / UNKNOWNS_FILE) as stored:
-        earlier = stored.load().drop_vars("spectrum_sd")
+        earlier = stored.load().drop_vars(["spectrum_sd", "beyond"])
     earlier.to_netcdf(tmp_path / UNKNOWNS_FILE, engine="h5netcdf")
     back = load_unknowns(tmp_path)
     assert back is not None
     np.testing.assert_array_equal(back.spectrum_sd, np.zeros((LAMPS, BANDS)))
+    np.testing.assert_array_equal(back.beyond, np.zeros((LAMPS, BANDS)))
 
 
 def test_illuminance_has_an_uncertainty_of_its_own(exact):

@@ -8,6 +8,7 @@ import pytest
 
 from lidarspectra.config import AreaSection
 from lidarspectra.errors import RunFileError
+from lidarspectra.room.furniture import under_furniture
 from lidarspectra.room.room import find_room
 from lidarspectra.workflow.rules.points import rule_points
 
@@ -44,3 +45,9 @@ def test_a_desk_s_top_and_a_shelf_of_plants_are_where_they_were(builder) -> None
     (plants,) = rule_points(with_a_table(builder, 1.1), [shelf]).areas
     assert plants.beneath == 0
     assert plants.task.size == 18
+
+
+def test_what_is_over_a_table_is_not_under_furniture(builder) -> None:
+    room = with_a_table(builder, 0.74)
+    places = np.array([[1.8, 1.4, 0.3], [1.8, 1.4, 0.85], [3.2, 2.2, 0.3]])
+    np.testing.assert_array_equal(under_furniture(room.scan, room.room, places), [True, False, False])
