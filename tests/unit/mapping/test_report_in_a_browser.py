@@ -9,9 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.report.report import write_report
 from lidarspectra.mapping.report.report_page import Section, room_view
 from lidarspectra.mapping.report.report_page import page as page_text
+from lidarspectra.mapping.report.report_writer import ReportWriter
 from lidarspectra.mapping.report.room_view import room_view_data
 
 HOSTILE = "</script><img src=x onerror=document.title='bad'><script>document.title='bad'</script>"
@@ -217,6 +219,18 @@ def test_a_table_sorts_by_its_heading_and_downloads_with_all_digits(open_page, p
     assert given["mean [W/m²/nm]"].is_monotonic_decreasing
     by_band = given.sort_values("band [nm]", ignore_index=True)
     pd.testing.assert_frame_equal(by_band, whole, check_dtype=False, rtol=1e-8)  # the file has nine digits
+
+
+def test_rows_without_a_number_come_last_however_a_table_is_sorted(open_page, tmp_path):
+    numbers = [3.0, np.nan, 1.0, np.inf, np.nan, 2.0]
+    table = Table(name="gaps", caption="With gaps.", frame=pd.DataFrame({"number [1]": numbers}))
+    section = Section(anchor="gaps", title="Gaps", content=ReportWriter(tmp_path).table(table))
+    file = tmp_path / "index.html"
+    file.write_text(page_text(title="t", lead="", sections=[section], footer=""), encoding="utf-8")
+    page = open_page(file)
+    for wanted in (["1", "2", "3", "–", "–", "–"], ["3", "2", "1", "–", "–", "–"]):
+        page.get_by_role("button", name="number").click()
+        assert page.locator("tbody td").all_inner_texts() == wanted
 
 
 def test_on_a_phone_no_figure_is_cut_and_a_press_enlarges_it(open_page, page_file):

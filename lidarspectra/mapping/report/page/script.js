@@ -1,5 +1,5 @@
 "use strict";
-// Sort a table by the column whose heading is pressed; numbers by value, words by the reader's alphabet.
+// Sort a table by the column whose heading is pressed; numbers by value, words by the reader's alphabet, no number last.
 function cellValue(cell) {
   return cell.dataset.value === undefined ? cell.textContent : Number(cell.dataset.value);
 }
@@ -12,7 +12,8 @@ for (const button of document.querySelectorAll("th button")) {
     const up = head.getAttribute("aria-sort") !== "ascending";
     const order = (a, b) => (typeof a === "number" ? a - b : a.localeCompare(b, undefined, { numeric: true }));
     const rows = [...body.rows].map((row) => [cellValue(row.cells[column]), row]);
-    rows.sort((a, b) => (up ? order(a[0], b[0]) : order(b[0], a[0])));
+    const lacking = (value) => Number(Number.isNaN(value));
+    rows.sort(([a], [b]) => lacking(a) - lacking(b) || (lacking(a) ? 0 : up ? order(a, b) : order(b, a)));
     for (const other of head.parentElement.cells) other.removeAttribute("aria-sort");
     head.setAttribute("aria-sort", up ? "ascending" : "descending");
     body.append(...rows.map((row) => row[1]));
