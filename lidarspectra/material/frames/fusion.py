@@ -6,11 +6,14 @@ window has its radiance from there. Where none was, the frame that says most has
 bright for all of them, the channels and pixels below white tell. And what a frame shows near black is noise, which is
 cut at 0 and so never too low: each channel is weighted by what this noise amounts to in radiance, so that the blue of
 an orange wall comes from the frames that were exposed for shadows. The spread between views is the texel's own
-deviation: gloss, passers-by, poses.
+deviation: gloss, passers-by, poses. Views are few, so that their median absolute deviation is brought to the spread
+that it stands for among so many, and the mean's deviation is that of its loss.
 
 References
 ----------
 Geman, McClure (1987) Statistical methods for tomographic image reconstruction, Bull. ISI 52, 5 (redescending loss).
+Croux, Rousseeuw (1992) Time-efficient algorithms for two highly robust estimators of scale, COMPSTAT 1, 411 (median
+absolute deviations of few values). Huber (1981) Robust statistics, Section 3.2 (variance of an M-estimate).
 """
 
 from collections.abc import Sequence
@@ -22,8 +25,13 @@ from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray, Smal
 
 VIEWS = 10  # that a texel keeps; more change its mean by less than their spread
 ROUNDS = 4  # re-weightings about the median
-ROBUST_SCALE = 1.5  # [1] of the redescending loss, in standard deviations
+ROBUST_SCALE = 2.0  # [1] of the redescending loss, in standard deviations: 79 % of a plain mean's efficiency
+# [1] of its mean's deviation over s / sqrt(effective views) where errors are normal: sqrt(E psi² E² w / E w²) / E psi'
+LOSS_DEVIATION = 1.07
+# [1] of a spread over 1.4826 times the median absolute deviation of 2, 3, ... 9 values (Croux, Rousseeuw)
+FEW_VIEWS = (1.196, 1.495, 1.363, 1.206, 1.200, 1.140, 1.129, 1.107)
 MIN_SPREAD, SINGLE_SPREAD = 0.02, 0.15  # [1] of views of one texel; and where there is but one view
+USUAL_SPREAD = 0.05  # [1] by which views count for the spread of a texel: what is noise in them tells nothing of it
 DARKEST = 1e-4  # [1] of white, floor before logarithms
 BLOCK_TEXELS = 50_000  # averaged at once, which bounds temporaries to some 50 MB
 
@@ -152,9 +160,11 @@ def _robust_mean(
     seen = weight > 0
     values = np.log(np.maximum(np.where(seen[:, :, None], light, 1.0), DARKEST))
     center = _weighted_median(values, np.broadcast_to(weight[:, :, None], values.shape))
-    spread = 1.4826 * _weighted_median(np.abs(values[:, :, 1:2] - center[:, 1:2]), weight[:, :, None])
-    spread = np.maximum(spread, MIN_SPREAD)
     # Most views may be too dark for a channel, and all of them too bright in it: the others tell where to begin.
+    told = weight[:, :, None] * _sure(np.full_like(center[:, 1:2], USUAL_SPREAD), noise, center)
+    center, green = _weighted_median(values, told), told[:, :, 1]
+    spread = 1.4826 * _weighted_median(np.abs(values[:, :, 1:2] - center[:, 1:2]), green[:, :, None])
+    spread = np.maximum(spread * _of_few(_effective(green))[:, None], MIN_SPREAD)
     center = _weighted_median(values, weight[:, :, None] * _sure(spread, noise, center))
     sure, share = np.ones_like(values), np.broadcast_to(weight[:, :, None], values.shape)
     for _ in range(ROUNDS):
@@ -164,8 +174,7 @@ def _robust_mean(
         center = (share * values).sum(axis=0) / np.maximum(share.sum(axis=0), 1e-12)
     green = share[:, :, 1]
     agree = (green > np.where(seen, 0.25 * weight * sure[:, :, 1], np.inf)).sum(axis=0)
-    effective = green.sum(axis=0) ** 2 / np.maximum((green**2).sum(axis=0), 1e-20)
-    deviation = np.where(agree > 1, spread[:, 0] / np.sqrt(np.maximum(effective, 1.0)), SINGLE_SPREAD)
+    deviation = np.where(agree > 1, LOSS_DEVIATION * spread[:, 0] / np.sqrt(_effective(green)), SINGLE_SPREAD)
     none = weight.max(axis=0) <= 0
     return (
         np.where(none[:, None], np.nan, np.exp(center)).astype(np.float32),
@@ -180,10 +189,31 @@ def _sure(spread: SmallFloatArray, noise: SmallFloatArray, center: SmallFloatArr
     return np.asarray(spread**2 / (spread**2 + of_noise**2), dtype=np.float32)
 
 
+def _effective(weight: SmallFloatArray) -> SmallFloatArray:
+    """(texel,) how many equal views as much as (view, texel) unequal ones; at least 1."""
+    effective = weight.sum(axis=0) ** 2 / np.maximum((weight**2).sum(axis=0), 1e-20)
+    return np.asarray(np.maximum(effective, 1.0), dtype=np.float32)
+
+
+def _of_few(views: SmallFloatArray) -> SmallFloatArray:
+    """(texel,) spread over 1.4826 times the median absolute deviation of so many views."""
+    few = np.interp(views, np.arange(2, 2 + len(FEW_VIEWS)), FEW_VIEWS)
+    return np.asarray(np.where(views > 1 + len(FEW_VIEWS), views / (views - 0.8), few), dtype=np.float32)
+
+
 def _weighted_median(values: SmallFloatArray, weight: SmallFloatArray) -> SmallFloatArray:
-    """(texel, channel) weighted median over the first axis of (view, texel, channel) values."""
+    """(texel, channel) weighted median over the first axis of (view, texel, channel) values.
+
+    Between the two views whose middles of weight are next to half of it, so that of two alike it is their mean.
+    """
     order = np.argsort(np.where(weight > 0, values, np.inf), axis=0)
-    mass = np.take_along_axis(weight, order, axis=0).cumsum(axis=0)
-    row = (mass >= 0.5 * mass[-1]).argmax(axis=0)
-    middle = np.take_along_axis(np.take_along_axis(values, order, axis=0), row[None], axis=0)[0]
-    return np.asarray(middle, dtype=np.float32)
+    own = np.take_along_axis(weight, order, axis=0)
+    mass = own.cumsum(axis=0)
+    middle, half = mass - 0.5 * own, 0.5 * mass[-1]
+    above = np.clip((middle < half).sum(axis=0), 0, np.maximum((own > 0).sum(axis=0) - 1, 0))
+    rows = np.stack([np.maximum(above - 1, 0), above])
+    (low, high), (mass_low, mass_high) = (
+        np.take_along_axis(each, rows, axis=0) for each in (np.take_along_axis(values, order, axis=0), middle)
+    )
+    share = np.clip((half - mass_low) / np.maximum(mass_high - mass_low, 1e-12), 0.0, 1.0)
+    return np.asarray(low + share * (high - low), dtype=np.float32)
