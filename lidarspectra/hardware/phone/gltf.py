@@ -23,7 +23,6 @@ from lidarspectra.hardware.phone.gltf_document import (
     FAN,
     GLB_MAGIC,
     MIRROR,
-    REPEAT,
     STRIP,
     TRIANGLES,
     Document,
@@ -38,15 +37,16 @@ from lidarspectra.hardware.phone.gltf_document import (
 )
 from lidarspectra.hardware.phone.part_names import part_kind
 from lidarspectra.hardware.phone.raw_mesh import FileFolder, MeshPart, RawMesh, missing_file_notes
+from lidarspectra.hardware.phone.wrapping import REPEATING, Wrap, Wraps, with_mirror_image, wrapped
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # 3.6.2.2
 MAX_NAMES = 4  # names above a mesh that may say what it is
+_WRAPS: dict[int, Wrap] = {CLAMP: "clamp", MIRROR: "mirror"}
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # 3.6.2.2
 
 Factor = tuple[float, float, float]
-_Mirrored = tuple[bool, bool]
-_ImageKey = tuple[int, Factor | None, _Mirrored]  # number in the file, tint, whether its image stands beside it
+_ImageKey = tuple[int, Factor | None, Wraps]  # number in the file, tint, what it shows outside
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,32 +252,18 @@ def _corner_uv(
         # have it; the matrix printed in the extension's text, read as GLSL, turns the other way.
         cosine, sine = np.cos(transform.rotation), np.sin(transform.rotation)
         uv = (uv * transform.scale) @ np.array([[cosine, -sine], [sine, cosine]]) + transform.offset
-    uv = _outside(reading, info, uv, reading.images[image])
+    uv = wrapped(uv, reading.images[image], _wraps(reading, info))
     return _at_corners(np.column_stack([uv[:, 0], 1.0 - uv[:, 1]]), faces, reading.where)
 
 
-def _outside(reading: _Reading, info: TextureInfo, uv: FloatArray, image: ByteArray) -> FloatArray:
-    """Coordinates, v down, in a picture that repeats: of one that does not, within its outermost pixels' centres."""
-    uv = uv * np.where(_mirrored(reading, info), 0.5, 1.0)  # the picture and its mirror image are one
-    height, width = image.shape[:2]
-    edge = 0.5 / np.array([width, height])
-    with np.errstate(invalid="ignore"):
-        return np.where(np.equal(_wraps(reading, info), CLAMP), np.clip(uv, edge, 1.0 - edge), uv)
-
-
-def _wraps(reading: _Reading, info: TextureInfo) -> tuple[int, int]:
-    """What a texture shows outside of its picture, across and down."""
+def _wraps(reading: _Reading, info: TextureInfo) -> Wraps:
+    """What a texture shows outside of its picture."""
     texture = item(reading.document.textures, info.index, "texture", reading.where)
     samplers = reading.document.samplers
     if texture.sampler is None or texture.sampler >= len(samplers):
-        return REPEAT, REPEAT
+        return REPEATING
     sampler = samplers[texture.sampler]
-    return sampler.wrap_s, sampler.wrap_t
-
-
-def _mirrored(reading: _Reading, info: TextureInfo) -> _Mirrored:
-    across, down = _wraps(reading, info)
-    return across == MIRROR, down == MIRROR
+    return _WRAPS.get(sampler.wrap_s, "repeat"), _WRAPS.get(sampler.wrap_t, "repeat")
 
 
 def _corner_color(reading: _Reading, primitive: Primitive, surface: _Surface, faces: IntArray) -> FloatArray | None:
@@ -330,28 +316,21 @@ def _image_number(reading: _Reading, info: TextureInfo, factor: Factor | None) -
         ] = None
         return -1
     tint = None if factor is None or all(value >= 1.0 for value in factor) else factor
-    mirrored = _mirrored(reading, info)
-    for key in ((source, None, (False, False)), (source, tint, mirrored)):
+    wraps = _wraps(reading, info)
+    for key in ((source, None, REPEATING), (source, tint, wraps)):
         if key not in reading.image_numbers:
-            plain = reading.image_numbers.get((source, None, (False, False)))
+            plain = reading.image_numbers.get((source, None, REPEATING))
             image = _plain_image(reading, source) if plain is None else reading.images[plain]
             if image is None:
                 return -1
             reading.image_numbers[key] = len(reading.images)
-            reading.images.append(_with_mirror_image(_tinted(image, key[1]), key[2]))
+            reading.images.append(with_mirror_image(_tinted(image, key[1]), key[2]))
             check_texture_total(tuple(reading.images), name=where)
-    return reading.image_numbers[(source, tint, mirrored)]
+    return reading.image_numbers[(source, tint, wraps)]
 
 
 def _tinted(image: ByteArray, factor: Factor | None) -> ByteArray:
     return image if factor is None else tint_image(image, np.array(factor))
-
-
-def _with_mirror_image(image: ByteArray, mirrored: _Mirrored) -> ByteArray:
-    """A picture followed by its mirror image across, down or both, which repeats as the picture mirrors itself."""
-    across, down = mirrored
-    wide = np.concatenate([image, image[:, ::-1]], axis=1) if across else image
-    return np.concatenate([wide, wide[::-1]], axis=0) if down else wide
 
 
 def _plain_image(reading: _Reading, source: int) -> ByteArray | None:

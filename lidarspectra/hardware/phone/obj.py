@@ -5,6 +5,7 @@ damaged line. Here each is an error with its line, or a note.
 """
 
 import itertools
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
@@ -17,6 +18,7 @@ from lidarspectra.hardware.phone.polygons import polygon_triangles
 from lidarspectra.hardware.phone.raw_mesh import MOST_FLOAT_COLOR, FileFolder, MeshPart, RawMesh, missing_file_notes
 from lidarspectra.spectra.colorimetry import encode_srgb
 
+_FULL_PATH = re.compile(r"/|\\|[A-Za-z]:[/\\]")  # of the machine that wrote the file
 _MAX_NUMBERS = 2**40  # larger indices than any file can hold
 _NO_INDEX = -1
 _VECTOR_OPTIONS = ("-o", "-s", "-t")  # of map_Kd, of one to three numbers; whose others have their default
@@ -100,7 +102,14 @@ def _file_names(lines: Iterable[str], folder: FileFolder) -> Iterator[str]:
     for line in lines:
         words = line.split()
         several = len(words) > 1 and all(word.lower().endswith(".mtl") for word in words)
-        yield from words if several and not folder.holds(line) else [line]
+        names = words if several and not folder.holds(_beside(line, folder)) else [line]
+        yield from (_beside(name, folder) for name in names)
+
+
+def _beside(name: str, folder: FileFolder) -> str:
+    """The last part of a full path, as some programs write it, if there is such a file beside the scan."""
+    last = name.replace("\\", "/").rpartition("/")[2]
+    return last if _FULL_PATH.match(name) and last and folder.holds(last) else name
 
 
 def _read_images(materials: Iterable[_Material], folder: FileFolder) -> tuple[dict[str, int], list[ByteArray]]:
@@ -108,7 +117,7 @@ def _read_images(materials: Iterable[_Material], folder: FileFolder) -> tuple[di
     numbers: dict[str, int] = {}
     images: list[ByteArray] = []
     for name in dict.fromkeys(material.texture for material in materials if material.texture):
-        image = folder.read_image(name)
+        image = folder.read_image(_beside(name, folder))
         if image is not None:
             numbers[name] = len(images)
             images.append(image)
@@ -188,8 +197,8 @@ def _number(word: str, count: int) -> int:
     return index
 
 
-def _vertex_arrays(rows: list[list[float]]) -> tuple[FloatArray, FloatArray | None]:
-    """Positions, and colours where every row has six or more numbers."""
+def _vertex_arrays(rows: list[list[float]]) -> tuple[FloatArray, FloatArray]:
+    """Positions and colours; NaN for those of rows of fewer than six numbers, as of parts that were added later."""
     if any(len(row) < 3 for row in rows):
         raise ScanError(
             expected="three numbers after every 'v'",
@@ -198,12 +207,10 @@ def _vertex_arrays(rows: list[list[float]]) -> tuple[FloatArray, FloatArray | No
             todo="The file is damaged; export the scan again.",
         )
     vertices = np.array([row[:3] for row in rows], dtype=np.float64).reshape(-1, 3)
-    if not rows or any(len(row) < 6 for row in rows):
-        return vertices, None
-    colors = np.array([row[3:6] for row in rows], dtype=np.float64)
-    with np.errstate(invalid="ignore"):
-        # Some programs write bytes, others colours that rounding or light left a little above 1.
-        scale = 255.0 if np.nanmax(colors, initial=0.0) > MOST_FLOAT_COLOR else 1.0
+    none = [np.nan] * 3
+    colors = np.array([row[3:6] if len(row) >= 6 else none for row in rows], dtype=np.float64).reshape(-1, 3)
+    # Some programs write bytes, others colours that rounding or light left a little above 1.
+    scale = 255.0 if np.max(colors, initial=0.0, where=np.isfinite(colors)) > MOST_FLOAT_COLOR else 1.0
     return vertices, colors / scale
 
 
@@ -212,7 +219,7 @@ def _parts(
     material: _Material,
     image: int,
     vertices: FloatArray,
-    colors: FloatArray | None,
+    colors: FloatArray,
     uv: FloatArray,
 ) -> Iterator[MeshPart]:
     """The triangles of a material: those with texture coordinates, and those without."""
@@ -230,12 +237,13 @@ def _parts(
     if textured.any():
         corner_uv = uv[coordinates[textured]] * material.scale + material.offset
         yield MeshPart(vertices=vertices, faces=corners[textured], image=image, corner_uv=corner_uv)
-    plain = corners[~textured]
+    painted = ~textured & np.isfinite(colors[corners]).all(axis=(1, 2))
+    if painted.any():
+        yield MeshPart(vertices=vertices, faces=corners[painted], corner_color=colors[corners[painted]])
+    plain = corners[~textured & ~painted]
     if plain.size:
         color: FloatArray | None = None
-        if colors is not None:
-            color = colors[plain]
-        elif material.color is not None and material.texture is None:
+        if material.color is not None and material.texture is None:
             # Kd is linear light; where the texture is missing, its white is not the surface's colour.
             color = np.broadcast_to(encode_srgb(np.array(material.color)), (plain.shape[0], 3, 3))
         yield MeshPart(vertices=vertices, faces=plain, corner_color=color)

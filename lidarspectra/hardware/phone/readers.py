@@ -31,6 +31,7 @@ from lidarspectra.progress import Progress, part_of, silent
 
 _POINT_CLOUDS = (".las", ".laz", ".e57", ".pcd", ".pts", ".ptx", ".xyz")
 FAR_M, DIGITS = 1e5, 9  # [m] from the origin, and digits of positions in the simulation, which are 1 mm there
+MAX_STEP_M = 0.05  # [m] of a file's positions: coarser walls have more area, and faces have no size
 _ZIP_MAGIC = b"PK\x03\x04"
 
 UnitChoice = Literal["auto", "m", "cm", "mm", "in", "ft"]
@@ -192,7 +193,8 @@ def _read_usd(path: Path) -> RawMesh:
 
 def _oriented(mesh: JoinedMesh, orientation: Orientation, *, where: str) -> Scan:
     vertices = orientation.apply(mesh.vertices)
-    notes = mesh.notes + orientation.notes + _far_note(vertices)
+    step_m = METRES_PER_UNIT[orientation.unit] * _step_of_file(mesh.vertices)
+    notes = mesh.notes + orientation.notes + _far_note(vertices, step_m, where)
     for note in notes:
         _log.info("%s: %s", where, note)
     faces = mesh.faces
@@ -210,14 +212,32 @@ def _oriented(mesh: JoinedMesh, orientation: Orientation, *, where: str) -> Scan
     return Scan(vertices=vertices, faces=faces, appearance=mesh.appearance, record=record)
 
 
-def _far_note(vertices: FloatArray) -> tuple[str, ...]:
-    """What becomes of a scan in the coordinates of a map."""
+def _step_of_file(vertices: FloatArray) -> float:
+    """Coarsest step of a file's positions, if all of them are numbers of 32 bits, in the file's unit; 0 otherwise."""
+    short = vertices.astype(np.float32)
+    return float(np.spacing(np.abs(short).max())) if (short == vertices).all() else 0.0
+
+
+def _far_note(vertices: FloatArray, step_m: float, where: str) -> tuple[str, ...]:
+    """What becomes of a scan in the coordinates of a map, whose file has positions in some steps [m]."""
     farthest = float(np.abs(vertices).max())
     if farthest < FAR_M:
         return ()
-    step_mm = 1000.0 * 10.0 ** (np.floor(np.log10(farthest)) - DIGITS + 1)
+    lies = f"The scan lies {farthest / 1000:.0f} km from the origin of its coordinates, as on a map."
+    if step_m > MAX_STEP_M:
+        raise ScanError(
+            expected=f"positions to {1000.0 * MAX_STEP_M:.0f} mm",
+            found=f"steps of {1000.0 * step_m:.0f} mm: 32-bit numbers, {farthest / 1000:.0f} km from the origin",
+            where=where,
+            todo="Export the scan in coordinates whose origin is in the room or near it (local, not georeferenced).",
+        )
+    steps_mm = 1000.0 * max(10.0 ** (np.floor(np.log10(farthest)) - DIGITS + 1), step_m)
+    if step_m > 0:
+        return (
+            f"{lies} Its file has positions in steps of {steps_mm:.0f} mm there, which nothing mends. Export it in"
+            " coordinates whose origin is in the room or near it for the best results.",
+        )
     return (
-        f"The scan lies {farthest / 1000:.0f} km from the origin of its coordinates, as on a map. The simulation has"
-        f" positions to {DIGITS} digits, there to {step_mm:.0f} mm, and files for viewers have 7. Move the scan to its"
-        " origin in a mesh editor for the best results.",
+        f"{lies} The simulation has positions to {DIGITS} digits, there to {steps_mm:.0f} mm, and files for viewers"
+        " have 7. Move the scan to its origin in a mesh editor for the best results.",
     )

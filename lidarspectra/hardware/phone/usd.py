@@ -13,7 +13,7 @@ import logging
 import re
 import zipfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
@@ -23,7 +23,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
-from lidarspectra.geometry.textures import check_texture_total, decode_image, tint_image
+from lidarspectra.geometry.textures import check_texture_total, decode_image
 from lidarspectra.hardware.phone.part_names import part_kind
 from lidarspectra.hardware.phone.polygons import polygon_triangles
 from lidarspectra.hardware.phone.raw_mesh import (
@@ -38,7 +38,8 @@ from lidarspectra.hardware.phone.raw_mesh import (
     missing_file_notes,
     read_bytes,
 )
-from lidarspectra.spectra.colorimetry import encode_srgb
+from lidarspectra.hardware.phone.wrapping import Wrap, Wraps, with_mirror_image, wrapped
+from lidarspectra.spectra.colorimetry import decode_srgb, encode_srgb
 
 METRES_OF_UNIT: tuple[tuple[float, Unit], ...] = (
     (1.0, "m"), (0.01, "cm"), (0.001, "mm"), (0.0254, "in"), (0.3048, "ft"),
@@ -54,6 +55,8 @@ INSETS = ("door", "window")
 MOST_METRES = 80.0  # [1] extent of a scene that declares no unit, beyond which that is USD's own, the centimetre
 _log = logging.getLogger(__name__)
 _UP: dict[str, Axis] = {"Y": "+y", "Z": "+z"}
+# "black" has no more to tell than the edge; without a word of it, most programs repeat.
+_WRAPS: dict[str, Wrap] = {"mirror": "mirror", "clamp": "clamp", "black": "clamp"}
 _UV_NAMES = ("st", "st0", "UVMap", "map1", "uv")  # primvars that exporters use if the material names none
 _BINARY_MAGIC = b"PXR-USDC"
 _MAX_LAYERS = 200  # files that one scene may be composed of; a scan has one or two
@@ -62,11 +65,33 @@ _FAULTS = (*PARSER_FAULTS, RuntimeError, Tf.ErrorException)
 
 
 @dataclass(frozen=True, kw_only=True)
+class _OfPicture:
+    """Linear colour of a picture's values: factor times what they stand for, plus a bias; raw ones are linear [1]."""
+
+    factor: tuple[float, float, float]
+    bias: tuple[float, float, float]
+    raw: bool
+
+    def of(self, image: ByteArray) -> ByteArray:
+        """(height, width, 3) uint8, sRGB-encoded."""
+        if self == AS_IT_IS:
+            return image
+        levels = np.arange(256) / 255.0
+        linear = (levels if self.raw else decode_srgb(levels))[:, np.newaxis] * self.factor + np.array(self.bias)
+        table = np.rint(255.0 * encode_srgb(np.clip(linear, 0.0, 1.0))).astype(np.uint8)
+        return np.stack([table[image[:, :, channel], channel] for channel in range(3)], axis=2)
+
+
+AS_IT_IS = _OfPicture(factor=(1.0, 1.0, 1.0), bias=(0.0, 0.0, 0.0), raw=False)
+
+
+@dataclass(frozen=True, kw_only=True)
 class _Texture:
     """A texture as a material uses it."""
 
     asset: Sdf.AssetPath
-    factor: tuple[float, float, float]
+    light: "_OfPicture"
+    wraps: Wraps
     primvar: str | None
     scale: tuple[float, float]
     rotation_deg: float
@@ -82,7 +107,7 @@ class _Reading:
     time: Usd.TimeCode
     metres_per_unit: float
     images: list[ByteArray] = field(default_factory=list)
-    numbers: dict[tuple[str, tuple[float, float, float]], int] = field(default_factory=dict)
+    numbers: dict[tuple[str, _OfPicture, Wraps], int] = field(default_factory=dict)
     missing: dict[str, None] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
 
@@ -325,7 +350,9 @@ def _mesh_parts(reading: _Reading, prim: Usd.Prim) -> Iterator[MeshPart]:
     for material, chosen in _materials(prim, polygon, sizes.size):
         texture = _texture(material)
         image = -1 if texture is None else _image_number(reading, texture)
-        uv = None if texture is None or image < 0 else _uv(reading, prim, texture, corners, numbers, polygon)
+        uv = None
+        if texture is not None and image >= 0:
+            uv = _uv(reading, prim, texture, image, corners, numbers, polygon)
         color, flat = None, False
         if uv is None:
             color, flat = _color(reading, prim, material, corners, numbers, polygon, textured=texture is not None)
@@ -384,7 +411,11 @@ def _texture(material: UsdShade.Material | None) -> _Texture | None:
     asset = _value(shader, "file", None)
     if asset is None:
         return None
-    factor = _value(shader, "scale", (1.0, 1.0, 1.0, 1.0))
+    factor, bias = (_value(shader, name, (usual,) * 4) for name, usual in (("scale", 1.0), ("bias", 0.0)))
+    light = _OfPicture(
+        factor=_color_of(factor), bias=_color_of(bias), raw=str(_value(shader, "sourceColorSpace", "auto")) == "raw"
+    )
+    wraps = tuple(_WRAPS.get(str(_value(shader, name, "")), "repeat") for name in ("wrapS", "wrapT"))
     coordinates = _producer(shader.GetInput("st"))
     reader = UsdShade.Shader(coordinates.GetPrim()) if coordinates else None
     scale, rotation, translation = (1.0, 1.0), 0.0, (0.0, 0.0)
@@ -395,7 +426,8 @@ def _texture(material: UsdShade.Material | None) -> _Texture | None:
         reader = UsdShade.Shader(inner.GetPrim()) if inner else None
     return _Texture(
         asset=asset,
-        factor=cast("tuple[float, float, float]", tuple(float(value) for value in factor)[:3]),
+        light=light,
+        wraps=cast("Wraps", wraps),
         primvar=str(_value(reader, "varname", "")) or None if reader else None,
         scale=(float(scale[0]), float(scale[1])),
         rotation_deg=float(rotation),
@@ -403,17 +435,20 @@ def _texture(material: UsdShade.Material | None) -> _Texture | None:
     )
 
 
+def _color_of(values: Iterable[float]) -> tuple[float, float, float]:
+    red, green, blue, *_ = (float(value) for value in values)
+    return red, green, blue
+
+
 def _image_number(reading: _Reading, texture: _Texture) -> int:
-    key = (texture.asset.resolvedPath or texture.asset.path, texture.factor)
+    key = (texture.asset.resolvedPath or texture.asset.path, texture.light, texture.wraps)
     if key not in reading.numbers:
         image = _image(reading, texture.asset)
         if image is None:
             reading.missing[texture.asset.path] = None
             return -1
-        if min(texture.factor) < 1.0:
-            image = tint_image(image, np.array(texture.factor))
         reading.numbers[key] = len(reading.images)
-        reading.images.append(image)
+        reading.images.append(with_mirror_image(texture.light.of(image), texture.wraps))
         check_texture_total(tuple(reading.images), name=reading.path.name)
     return reading.numbers[key]
 
@@ -431,17 +466,29 @@ def _image(reading: _Reading, asset: Sdf.AssetPath) -> ByteArray | None:
 
 
 def _uv(
-    reading: _Reading, prim: Usd.Prim, texture: _Texture, corners: IntArray, numbers: IntArray, polygon: IntArray
+    reading: _Reading,
+    prim: Usd.Prim,
+    texture: _Texture,
+    image: int,
+    corners: IntArray,
+    numbers: IntArray,
+    polygon: IntArray,
 ) -> FloatArray | None:
-    """(triangle, 3, 2) texture coordinates, v up as in USD; None where the mesh has none."""
+    """(triangle, 3, 2) coordinates in an image of the reading, v up as in USD; None where the mesh has none."""
     names = (texture.primvar, *_UV_NAMES) if texture.primvar else _UV_NAMES
     for name in names:
         uv = _primvar(reading, prim, name, corners, numbers, polygon)
         if uv is not None and uv.shape[-1] == 2:
             angle = np.deg2rad(texture.rotation_deg)
             turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-            return np.asarray((uv * texture.scale) @ turn + texture.translation, dtype=np.float64)
+            uv = _upside_down((uv * texture.scale) @ turn + texture.translation)
+            return _upside_down(wrapped(uv, reading.images[image], texture.wraps))
     return None
+
+
+def _upside_down(uv: FloatArray) -> FloatArray:
+    """(..., 2) coordinates with v the other way."""
+    return np.asarray(np.stack([uv[..., 0], 1.0 - uv[..., 1]], axis=-1), dtype=np.float64)
 
 
 def _color(

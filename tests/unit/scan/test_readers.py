@@ -757,6 +757,61 @@ def test_an_mtl_reaches_nothing_outside_the_folder(tmp_path: Path, name: str) ->
         read_scan(write_obj(tmp_path, "usemtl a\nf 1/1 2/1 3/1\n", f"newmtl a\nmap_Kd {name}\n"))
 
 
+@pytest.mark.parametrize("place", ["C:\\scans\\of me\\", "/Users/me/scans/", "D:/"])
+def test_files_named_by_full_paths_of_another_machine_are_found_beside_the_scan(tmp_path: Path, place: str) -> None:
+    quadrants().save(tmp_path / "my t.png")
+    path = write_obj(tmp_path, "usemtl a\nf 1/1 2/1 3/1\n", f"newmtl a\nmap_Kd {place}my t.png\n")
+    path.write_text(path.read_text("utf-8").replace("mtllib ", f"mtllib {place}"), encoding="utf-8")
+    scan = read_scan(path)
+    assert (scan.appearance.face_image == 0).all()
+    assert not any("missing" in note for note in scan.record.notes)
+
+
+def test_parts_without_colours_leave_those_of_an_obj_that_have_them(tmp_path: Path) -> None:
+    """Programs that join meshes write six numbers for the vertices of those that have colours, and three for others."""
+    body = "v 0 0 3 1 0 0\nv 3 0 3 1 0 0\nv 0 3 3 1 0 0\nf 1 2 3\nf 5 6 7\nusemtl b\nf 1 3 2\n"
+    scan = read_scan(write_obj(tmp_path, body, "newmtl b\nKd 0.2 0.4 0.6\n"), up="+z")
+    upper, painted = scan.centers[:, 2] > 1.0, scan.appearance.photographed
+    np.testing.assert_allclose(scan.face_colors()[upper], [[1, 0, 0]], atol=1e-6)
+    np.testing.assert_allclose(scan.face_colors()[painted & ~upper], [[0.2, 0.4, 0.6]], atol=1e-6)
+    assert (~painted).sum() == 1
+
+
+def wall_of_squares(step_m: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
+    """A wall of 3 m x 2 m that runs askew, in squares of two triangles."""
+    along, up = np.meshgrid(np.arange(0, 3.01, step_m), np.arange(0, 2.01, step_m), indexing="ij")
+    points = np.stack([0.8 * along, 0.6 * along, up], axis=-1).reshape(-1, 3)
+    first = (np.arange(along.shape[0] - 1)[:, None] * along.shape[1] + np.arange(along.shape[1] - 1)).ravel()
+    right = first + along.shape[1]
+    return points, np.concatenate([np.stack([first, right, right + 1], 1), np.stack([first, right + 1, first + 1], 1)])
+
+
+@pytest.mark.parametrize(
+    ("origin", "said"),
+    [((0, 0, 0), ""), ((1.2e5, 0, 0), "steps of 8 mm"), ((4e5, 3e5, 0), "steps of 31 mm"), ((5e5, 5.4e6, 0), "500 mm")],
+)
+def test_a_scan_in_a_maps_coordinates_says_the_steps_of_its_file_or_is_refused(tmp_path: Path, origin, said) -> None:
+    """Numbers of 32 bits have half a metre 5,400 km from the origin: the wall would have a tenth more area."""
+    points, faces = wall_of_squares()
+    trimesh.Trimesh(points + origin, faces, process=False).export(tmp_path / "a.ply")  # 32 bits
+    if said == "500 mm":
+        with pytest.raises(ScanError, match=r"steps of 500 mm.*local, not georeferenced"):
+            read_scan(tmp_path / "a.ply", up="+z", unit="m")
+        return
+    notes = [note for note in read_scan(tmp_path / "a.ply", up="+z", unit="m").record.notes if "km from" in note]
+    assert len(notes) == bool(said)
+    assert all(said in note for note in notes)
+
+
+def test_a_scan_in_a_maps_coordinates_whose_file_has_all_digits_is_read(tmp_path: Path) -> None:
+    points, faces = wall_of_squares()
+    rows = [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in points + [5e5, 5.4e6, 120.0]]
+    (tmp_path / "a.obj").write_text("\n".join([*rows, *(f"f {a} {b} {c}" for a, b, c in faces + 1)]), "utf-8")
+    scan = read_scan(tmp_path / "a.obj", up="+z", unit="m")
+    assert scan.areas.sum() == pytest.approx(6.0, rel=1e-3)
+    assert any("positions to 9 digits, there to 10 mm" in note for note in scan.record.notes)
+
+
 # --- what is no scan
 
 
@@ -981,6 +1036,46 @@ def test_a_usdz_comes_back_with_texture_and_unit(tmp_path: Path) -> None:
         assert scan.areas.sum() == pytest.approx(9.0)
         np.testing.assert_allclose(scan.bounds[:, 2], 1.0)
         np.testing.assert_allclose(center_color(scan), [1, 0, 0], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("said", "place", "expected"),
+    [
+        ("", (0.25, 0.75), (0.5, 0.1, 0.0)),
+        ("float4 inputs:scale = (0.5, 2, 1, 1)", (0.25, 0.75), (0.25, 0.2, 0.0)),
+        ("float4 inputs:bias = (0.25, 0, 0.125, 0)", (0.25, 0.75), (0.75, 0.1, 0.125)),
+        ('token inputs:sourceColorSpace = "raw"', (0.25, 0.75), (188 / 255, 89 / 255, 0.0)),
+        ('token inputs:wrapS = "mirror"\ntoken inputs:wrapT = "mirror"', (1.25, -0.25), (0.0, 0.0, 1.0)),
+        ('token inputs:wrapS = "mirror"', (-0.25, 0.75), (0.5, 0.1, 0.0)),
+        ('token inputs:wrapT = "mirror"', (1.25, 1.25), (0.5, 0.1, 0.0)),
+        ('token inputs:wrapS = "clamp"\ntoken inputs:wrapT = "clamp"', (1.25, -0.25), (0.0, 0.0, 1.0)),
+        ('token inputs:wrapS = "repeat"', (-0.75, 0.75), (0.5, 0.1, 0.0)),
+    ],
+)
+def test_a_usd_texture_has_the_colours_and_the_edges_that_its_material_says(
+    tmp_path: Path, read_usda, said: str, place: tuple[float, float], expected: tuple[float, float, float]
+) -> None:
+    """Of a picture that is orange at its upper left, blue at its lower right, and white elsewhere."""
+    pixels = np.full((64, 64, 3), 255, dtype=np.uint8)
+    pixels[:32, :32], pixels[32:, 32:] = (188, 89, 0), (0, 0, 255)  # .5 and .1 in linear light
+    Image.fromarray(pixels).save(tmp_path / "t.png")
+    looks = f"""def Material "M" {{
+    token outputs:surface.connect = </r/M/S.outputs:surface>
+    def Shader "S" {{
+      uniform token info:id = "UsdPreviewSurface"
+      color3f inputs:diffuseColor.connect = </r/M/T.outputs:rgb>
+      token outputs:surface
+    }}
+    def Shader "T" {{
+      uniform token info:id = "UsdUVTexture"
+      asset inputs:file = @./t.png@
+      {said}
+      float3 outputs:rgb
+    }}
+  }}"""
+    more = f'texCoord2f[] primvars:st = [{place}] (interpolation = "constant")\n{BOUND}'
+    colors = read_usda(more=more, beside=looks).face_colors()
+    np.testing.assert_allclose(colors, np.tile(expected, (12, 1)), atol=0.006)  # half a byte, 1.2 % at .5
 
 
 @pytest.mark.parametrize(("scale", "handed", "normal"), [
