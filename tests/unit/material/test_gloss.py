@@ -28,7 +28,7 @@ from lidarspectra.material.frames.gloss import (
     gloss_of_parts,
     smoothed,
 )  # fmt: skip
-from lidarspectra.material.frames.gloss_lobe import LampPieces, highlight
+from lidarspectra.material.frames.gloss_lobe import LampPieces, half_vectors, highlight
 from lidarspectra.material.frames.records import RECORDS_FILE, FrameRecords, Recorder
 from lidarspectra.material.material_map import MAX_REFLECTANCE, Material, MaterialMap
 from lidarspectra.spectra.spectrum import Spectrum
@@ -89,6 +89,16 @@ def test_specularity_and_roughness_come_back_within_their_deviations(specularity
     assert abs(gloss.roughness - roughness) < 3.0 * gloss.roughness_deviation
     assert gloss.specularity_deviation < 0.25 * specularity  # and they say something
     assert gloss.roughness_deviation < 0.3 * roughness
+
+
+@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (0.6, 0.0, 0.8), (0.8, 0.6, 0.0)])
+def test_facets_are_tilted_by_the_slope_and_turned_by_the_angle(normal: tuple[float, float, float]) -> None:
+    normals, turns = np.tile(normal, (4, 1)), np.radians([0.0, 90.0, 180.0, 200.0])
+    half = half_vectors(normals, np.full(4, 0.75), turns)
+    np.testing.assert_allclose(np.linalg.norm(half, axis=1), 1.0)
+    np.testing.assert_allclose(half @ normal, 0.8)  # cosine of the angle whose tangent is .75
+    in_surface = (half - 0.8 * normals) / 0.6
+    np.testing.assert_allclose(in_surface @ in_surface[0], np.cos(turns), atol=1e-12)
 
 
 def test_a_sharp_lobe_that_a_lamp_fills_shows_the_lamp_itself() -> None:
