@@ -4,7 +4,7 @@ What the picture shows of a card, over the light that falls there, is its reflec
 others, and two of different grey the camera's tone curve as well.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,7 @@ from lidarspectra.errors import MaterialError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.delighting.clipped_light import CLIPPED, DARK
+from lidarspectra.material.delighting.light_objective import CARD_DEVIATION, LOG_SCATTER
 from lidarspectra.material.delighting.linear_evidence import MAX_CUT
 from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
 
@@ -27,6 +28,9 @@ LEAST_POINTS = 9  # of a card that must be usable
 BESIDE_M = 0.3  # [m] beyond a card, at most: what light and exposure err by changes along a metre
 BESIDE = 24  # points there, the nearest; fewer would tell of the surface's grain
 SAME_PLANE_M, FLAT = 0.06, 0.95  # [m], [1] cosine: of what a card lies on
+# [1] standard deviations, rms over the cones, by which a card may differ from what the picture shows of it without any
+# card. Right ones were within 2.3; a slip of the place shows the floor, one of the number paper for a grey card.
+MAX_CONTRADICTION = 4.0
 GOLDEN_TURN = np.pi * (3.0 - np.sqrt(5.0))  # [rad]
 
 
@@ -160,6 +164,69 @@ def beside_cards(cards: Sequence[Card], seen: SeenCards, positions: FloatArray, 
         )
         found[number, there[np.argsort(distance[there], kind="stable")[:BESIDE]]] = True
     return csr_array(found)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contradiction:
+    """What a picture shows where a card of another reflectance is said to be.
+
+    Parameters
+    ----------
+    reflectance, deviation : float
+        The mean over the cones, and its standard deviation. [1]
+    is_colored : bool
+        Whether it differs from the card by its hue more than by its level.
+    """
+
+    reflectance: float
+    deviation: float
+    is_colored: bool
+
+
+def contradicted_cards(
+    card: IntArray, said: FloatArray, found: FloatArray, deviation: FloatArray
+) -> dict[int, Contradiction]:
+    """Cards that the picture plainly contradicts: most likely they lie elsewhere, or are of another reflectance.
+
+    Parameters
+    ----------
+    card : (point,) int
+        Which card each point is of; -1 for none.
+    said : (card, 3) float
+        Log reflectance that they are said to have, in cones.
+    found, deviation : (point, 3) float
+        Log reflectance by a fit that knows no card, and its standard deviation by camera and light. [1]
+
+    Returns
+    -------
+    contradicted : dict of int to Contradiction
+        By the numbers of the cards.
+    """
+    contradicted = {}
+    for number in np.unique(card[card >= 0]).tolist():
+        own = card == number
+        apart, light = found[own].mean(axis=0) - said[number], deviation[own].mean(axis=0)
+        unsure = np.hypot(np.hypot(light, LOG_SCATTER), CARD_DEVIATION)
+        if np.sqrt(np.mean((apart / unsure) ** 2)) > MAX_CONTRADICTION:
+            level = float(apart.mean())
+            shown = float(np.exp(said[number].mean() + level))
+            contradicted[number] = Contradiction(
+                reflectance=shown,
+                deviation=shown * float(np.hypot(light.mean(), LOG_SCATTER)),
+                is_colored=float(np.std(apart)) > abs(level),
+            )
+    return contradicted
+
+
+def contradiction_notes(cards: Sequence[Card], contradicted: Mapping[int, Contradiction]) -> tuple[str, ...]:
+    """Notes on cards that do not count, by what the picture shows of each."""
+    return tuple(
+        f"The card at ({_place(cards[number])}) does not count: it is said to be grey and to reflect "
+        f"{cards[number].reflectance:.2f}, but by all else that is known what the picture shows there reflects "
+        f"{shown.reflectance:.2f} ± {shown.deviation:.2f}{' and is coloured' if shown.is_colored else ''}. Check its "
+        "center, and its reflectance: about 0.18 of a grey card, 0.85 of white paper."
+        for number, shown in contradicted.items()
+    )
 
 
 def _is_cut(scan: Scan, face: IntArray, shown: FloatArray) -> BoolArray:

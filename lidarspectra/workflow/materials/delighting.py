@@ -19,7 +19,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.colors import MAX_SATURATED, saturated
 from lidarspectra.material.delighting.albedo import LightFit
 from lidarspectra.material.delighting.beside_paints import settle_beside_paints
-from lidarspectra.material.delighting.cards import Card
+from lidarspectra.material.delighting.cards import Card, contradicted_cards, contradiction_notes
 from lidarspectra.material.delighting.clipped_light import cut_paint
 from lidarspectra.material.delighting.dark_places import DarkPlaces, black_error, clarity, dark_places
 from lidarspectra.material.delighting.light_evidence import LightEvidence
@@ -28,6 +28,7 @@ from lidarspectra.material.delighting.light_objective import (
     STATED_FLUX_DEVIATION,
 )
 from lidarspectra.material.delighting.one_paint import Paints, one_paint
+from lidarspectra.material.delighting.surface_light import MIN_LIGHT
 from lidarspectra.material.delighting.unknown_light import (
     PANE_DEVIATION,
     PANE_REFLECTANCE,
@@ -242,7 +243,7 @@ def _out_of(
         return _left_in(
             "too few of its surfaces receive direct light of the lamps. Check the lamps' places in the run file."
         )
-    fitted = _fitted(picture, fluxes_stated, (fitting, fitting_again))
+    fitted, picture = _fitted_to_cards(picture, cards, fluxes_stated, (fitting, fitting_again))
     if (why := doubt(fitted.fit)) is not None:
         return _left_in(why, fitted.fit)
     fitted = replace(fitted, sources=_shines(fitted.sources, fitted.fit, lights.scan, fitted.face_light(picture)))
@@ -297,6 +298,32 @@ class _Fitted:
     def fluxes(self, lamps: Sequence[Lamp]) -> tuple[LampFlux, ...]:
         """Of the lamps over one another."""
         return estimated_fluxes([lamp.name for lamp in lamps], self.fit, self.identifiable)
+
+
+def _fitted_to_cards(
+    picture: PictureEvidence, cards: Sequence[Card], fluxes_stated: bool, progress: tuple[Progress, Progress]
+) -> tuple[_Fitted, PictureEvidence]:
+    """Camera and light by all evidence but cards that the rest of it plainly contradicts, and that evidence.
+
+    A card has no robust loss: one of a wrong place or number would draw all reflectances with it. Where a fit without
+    cards does not hold itself, it contradicts none.
+    """
+    evidence = picture.evidence
+    if evidence.card is None or evidence.card_log is None or not (evidence.card >= 0).any():
+        return _fitted(picture, fluxes_stated, progress), picture
+    halves = [tuple(shares(part, (0.5, 0.5))) for part in progress]
+    without = picture.with_cards(np.zeros(len(cards), dtype=np.bool_))
+    alone = _fitted(without, fluxes_stated, (halves[0][0], halves[1][0]))
+    wrong = {}
+    if doubt(alone.fit) is None:
+        found = np.log(np.maximum(alone.fit.reflectance, MIN_LIGHT))
+        wrong = contradicted_cards(evidence.card, evidence.card_log, found, alone.light_deviation(picture))
+    count = np.isin(np.arange(len(cards)), np.unique(evidence.card)) & ~np.isin(np.arange(len(cards)), list(wrong))
+    told = replace(picture, card_notes=(*picture.card_notes, *contradiction_notes(cards, wrong)))
+    if not count.any():
+        return alone, told
+    right = told.with_cards(count) if wrong else told
+    return _fitted(right, fluxes_stated, (halves[0][1], halves[1][1])), right
 
 
 def _fitted(picture: PictureEvidence, fluxes_stated: bool, progress: tuple[Progress, Progress]) -> _Fitted:

@@ -6,7 +6,7 @@ surfaces (`_Places`), at last what the picture shows at these points (`gather_ev
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
@@ -147,6 +147,14 @@ class PictureEvidence:
         evidence = self.evidence
         used = evidence.group >= 0
         return len(np.unique(np.stack([evidence.group[used], evidence.cell[used]], axis=1), axis=0))
+
+    def with_cards(self, count: BoolArray) -> Self:
+        """The same with no cards but those that count, (card,) bool."""
+        card = self.evidence.card
+        if card is None:
+            return self
+        kept = np.where((card >= 0) & count[card], card, -1)
+        return replace(self, evidence=replace(self.evidence, card=kept))
 
     @property
     def is_lit(self) -> bool:

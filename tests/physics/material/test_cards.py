@@ -122,6 +122,23 @@ def test_points_of_a_card_are_its_own(dim_room: Room) -> None:
     np.testing.assert_allclose(seen.positions[:, 2], 0.01, atol=1e-6)
 
 
+def test_a_card_of_another_reflectance_does_not_draw_the_room_with_it(dim_room: Room) -> None:
+    room = find_room(dim_room.scan)
+    wrong = card(0.85)  # a grey card that was taken for paper
+    lights = [
+        take_light_out(dim_room.scan, room, dim_room.lamps, cards=cards, workers=2)
+        for cards in ((), (wrong,), (wrong, card(LIGHT_CARD, center=LIGHT_CENTER)))
+    ]
+    levels = [float(np.median(each.face_color)) for each in lights if each.face_color is not None]
+    assert levels[1] == pytest.approx(levels[0], rel=0.01)
+    assert levels[2] == pytest.approx(levels[0], rel=0.05)  # the right one beside it counts
+    for each in lights[1:]:
+        (note,) = [words for words in each.warnings if "does not count" in words]
+        assert "to reflect 0.85" in note
+        assert "(2.00, 1.60, 0.00)" in note
+    assert not any("card" in words for words in lights[0].warnings)
+
+
 def test_a_card_in_the_air_is_refused(dim_room: Room) -> None:
     with pytest.raises(MaterialError, match="surface within 15 cm"):
         look_at_cards(dim_room.scan, RayCaster(dim_room.scan), [card(center=(2.0, 1.6, 1.3))])
