@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from lidarspectra.geometry.appearance import CLOSED_KINDS, NEUTRAL_COLOR, NO_COLOR, Appearance
@@ -26,6 +27,10 @@ CELL_M = 0.25  # [m] of the shell: what is kept of it follows an opening to with
 BEYOND_M = 0.12  # [m] the shell lies so far outside the outline and the scanned ceiling: behind uneven walls
 OVERLAP_M = 0.2  # [m] a plate goes so far beyond the outline, so that no slit is left at a wall
 BRIDGED_M = 0.4  # [m] rooms no farther apart have one shell: what is between them is a wall
+WALL_M = 0.1  # [m] places in the plan that far from its outline are in the air before its walls
+WATCHED_FROM_M = (0.05, 0.25, 1.0)  # [m] such places, so far apart, that a plate's rim is looked at from
+WATCHERS = 8  # of each kind, the nearest
+WATCHED_AT_DEG = (10.0, 25.0, 50.0)  # [deg] to the plate: flatter ways through cracks at a wall's top do not count
 MIN_HITS = 5  # rays that leave by a square of the shell, from which it is closed: fewer are cracks of the mesh
 ROUNDS = 2  # of closing: what the first leaves open is mostly seen past its edges
 PARTS = 5  # along a triangle's side, by which its share in the plan is found: of 5 cm
@@ -203,9 +208,9 @@ def close_room(
     plan = _plan_around(room)
     closed = scan
     if ceiling and room.ceiling_confidence == 0.0:
-        closed = _with_squares(closed, _plate(plan, room.ceiling_z, CEILING))
+        closed = _with_squares(closed, _seen_plate(scan, room, plan, room.ceiling_z, CEILING))
     if floor and room.floor_confidence == 0.0:
-        closed = _with_squares(closed, _plate(plan, room.floor_z, FLOOR))
+        closed = _with_squares(closed, _seen_plate(scan, room, plan, room.floor_z, FLOOR))
     shell = _shell(plan, room)
     hits = _hits(closed, shell, points)
     for _ in range(ROUNDS if sides else 0):
@@ -271,13 +276,62 @@ def _plate(plan: PlanMask, z: float, kind: int) -> _Shell:
     """Level squares over the plan and a little beyond it."""
     grown = cv2.dilate(plan.inside.astype(np.uint8), _disc(2 * OVERLAP_M))
     block = round(CELL_M / PIXEL_M)
-    rows, columns = np.nonzero(cv2.dilate(grown, np.ones((block, block), np.uint8), anchor=(0, 0))[::block, ::block])
-    low = plan.origin + CELL_M * np.column_stack([columns, rows])
-    steps = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])[:: 1 if kind == FLOOR else -1] * CELL_M
+    blocks = cv2.dilate(grown, np.ones((block, block), np.uint8), anchor=(0, 0))[::block, ::block].astype(bool)
+    return _level_squares(blocks, CELL_M, plan.origin, z, kind)
+
+
+def _level_squares(chosen: BoolArray, side_m: float, corner: FloatArray, z: float, kind: int) -> _Shell:
+    """Those chosen of a grid of squares, (row, column) bool, which starts at a corner (2,) [m]."""
+    rows, columns = np.nonzero(chosen)
+    low = corner + side_m * np.column_stack([columns, rows])
+    steps = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])[:: 1 if kind == FLOOR else -1] * side_m
     corners = low[:, None] + steps
     return _Shell(
         corners=np.concatenate([corners, np.full((*corners.shape[:2], 1), z)], axis=2), kind=np.full(len(low), kind)
     )
+
+
+def _seen_plate(scan: Scan, room: Room, plan: PlanMask, z: float, kind: int) -> _Shell:
+    """A plate as far as the rooms see it: what reaches behind their walls would count as area of its material.
+
+    Over the rooms it is made of a plate's squares, around them of pixels.
+    """
+    grown = cv2.dilate(plan.inside.astype(np.uint8), _disc(2 * OVERLAP_M)).astype(bool)
+    block = round(CELL_M / PIXEL_M)
+    grown = np.pad(grown, [(0, -length % block) for length in grown.shape])
+    row, column = np.indices(grown.shape)
+    middles = plan.origin + PIXEL_M * np.stack([column, row], axis=2)
+    inside = grown & room.in_plan(middles.reshape(-1, 2)).reshape(grown.shape)
+    before_walls = cv2.erode(inside.astype(np.uint8), _disc(2 * WALL_M)).astype(bool)
+    seen = inside.copy()
+    for apart_m in WATCHED_FROM_M:
+        some = (slice(None, None, round(apart_m / PIXEL_M)),) * 2
+        hidden = grown & ~seen
+        seen[hidden] = _seen_from(scan, middles[hidden], middles[some][before_walls[some]], z, upwards=kind == CEILING)
+    # Of a pixel that a wall goes through the middle may be hidden: one more is kept around all that is seen.
+    kept = grown & cv2.dilate(seen.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+    rows, columns = (length // block for length in kept.shape)
+    whole = kept.reshape(rows, block, columns, block).all(axis=(1, 3))
+    single = kept & ~whole.repeat(block, axis=0).repeat(block, axis=1)
+    corner = plan.origin - 0.5 * PIXEL_M
+    parts = [_level_squares(*cells, corner, z, kind) for cells in ((whole, CELL_M), (single, PIXEL_M))]
+    return _Shell(
+        corners=np.concatenate([part.corners for part in parts]), kind=np.concatenate([part.kind for part in parts])
+    )
+
+
+def _seen_from(scan: Scan, middles: FloatArray, watchers: FloatArray, z: float, *, upwards: bool) -> BoolArray:
+    """Which pixels of a plate, of (pixel, 2) middles, places before the walls near them, (place, 2), see [m]."""
+    count = min(WATCHERS, len(watchers))
+    if not (count and len(middles)):
+        return np.zeros(len(middles), dtype=np.bool_)
+    away_m, nearest = cKDTree(watchers).query(middles, k=np.arange(1, count + 1))
+    below_m = (away_m[:, :, None] * np.tan(np.radians(WATCHED_AT_DEG))).ravel()
+    starts = np.repeat(watchers[nearest.ravel()], len(WATCHED_AT_DEG), axis=0)
+    starts = np.column_stack([starts, z - below_m if upwards else z + below_m])
+    ends = np.column_stack([np.repeat(middles, count * len(WATCHED_AT_DEG), axis=0), np.full(len(starts), z)])
+    blocked = caster_of(scan).blocked(starts, ends - starts, max_distance=1.0)
+    return np.asarray(~blocked.reshape(len(middles), -1).all(axis=1), dtype=np.bool_)
 
 
 def _shell(plan: PlanMask, room: Room) -> _Shell:

@@ -53,6 +53,21 @@ def test_a_missing_ceiling_and_floor_are_closed_where_the_walls_end(builder, lea
     assert (np.where(floor, up, -up) > 0.99).all(), "what closes a room looks into it"
 
 
+@pytest.mark.parametrize(("side", "wall_m"), [("top", 0.12), ("top", 0.5), ("bottom", 0.12)])
+def test_what_closes_two_rooms_does_not_reach_behind_their_walls(builder, side, wall_m) -> None:
+    # As area of a material it would count half as much again as there is of it.
+    rooms = builder(step_m=0.1, noise_m=0.004)
+    rooms.box([0, 0, 0], [3, 2, 2.5], inward=True, leave_out=(side,))
+    rooms.box([3 + wall_m, 0, 0], [5 + wall_m, 2, 2.5], inward=True, leave_out=(side,))
+    scan = rooms.scan(turn_deg=17.0)
+    room = find_room(scan)
+    closed, openness = close_room(scan, room)
+    assert openness.total < 0.005
+    around_m = 2 * (3 + 2) + 2 * (2 + 2)
+    added_m2 = float(closed.areas[len(scan.faces) :].sum())
+    assert 10.0 - 0.1 < added_m2 < 10.0 + 0.16 * around_m
+
+
 def test_what_is_switched_off_stays_open_and_is_said(builder) -> None:
     scan = office(builder, leave_out=("top",))
     closed, room, openness, _ = whole_room(scan, close_ceiling=False, close_floor=True, close=False)
