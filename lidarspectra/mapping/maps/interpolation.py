@@ -45,7 +45,7 @@ class InterpolationError:
     tested : int
         Points that were left out in turn; those on the convex hull would need extrapolation and are not tested.
     nrmse : (band,) float
-        Root mean square error over the mean (paper, Eq. 8, over points). [1]
+        Root mean square error over the mean (paper, Eq. 8, over points); 0 in a band without light. [1]
     median_percent : float
         Median absolute percentage error over points and bands. [%]
     """
@@ -288,10 +288,11 @@ def leave_one_out(
     real = values[inner]
     lit = real > 0
     percent = 100.0 * np.abs(predicted - real)[lit] / real[lit]
+    rms, mean = np.sqrt(((predicted - real) ** 2).mean(axis=0)), np.abs(real.mean(axis=0))
     return InterpolationError(
         method=method,
         tested=int(inner.size),
-        nrmse=np.sqrt(((predicted - real) ** 2).mean(axis=0)) / np.abs(real.mean(axis=0)),
+        nrmse=np.divide(rms, mean, out=np.zeros_like(rms), where=mean > 0),
         median_percent=float(np.median(percent)) if percent.size else 0.0,
     )
 

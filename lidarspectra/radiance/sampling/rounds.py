@@ -315,7 +315,8 @@ def _missing(
         lit = (means > 0) & (matrix.sum(axis=0) > 0)
         variances = []
         for index in members:
-            relative = (band_variance(components[index])[:, lit] / means[lit] ** 2).max(axis=1, initial=0.0)
+            # Squared last: the means of channels that a lamp all but misses, 1e-190, have squares of 0.
+            relative = ((np.sqrt(band_variance(components[index])[:, lit]) / means[lit]) ** 2).max(axis=1, initial=0.0)
             relative = np.where(counted, relative, 0.0)
             if components[index].sampler.is_shared:
                 variances.append(relative.sum(keepdims=True))

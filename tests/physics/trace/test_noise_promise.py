@@ -25,7 +25,7 @@ from lidarspectra.radiance.sampling.trace import trace, trace_irradiance
 from lidarspectra.radiance.sampling.transport import load_transport, save_transport, standard_error_of_sum
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
-from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 
 from .conftest import Rooms
 
@@ -114,6 +114,18 @@ def test_the_error_is_what_the_noise_setting_names(office, places, section, nois
     # together: chi-square of 5 is 9 times its mean with a probability of 10^-8.
     again = irradiance(trace(scene, places, **section("medium", noise), seed=2))
     assert relative_rms(light - again, light) < np.sqrt(2.0) * target * 3.0
+
+
+def test_a_lamp_that_all_but_misses_most_channels_gets_its_rays_all_the_same(rooms, sensors, section) -> None:
+    # What a channel of 485 nm gets of 850 nm is 1e-320 W/m²/nm, whose square is 0.
+    infrared = Spectrum(wavelengths_nm=np.array([830.0, 850.0, 870.0]), values=np.array([0.0, 1.0, 0.0]))
+    lamp = rooms.lamp("panel", (0.5, 0.5, 2.9), (0.3, 0.3), flux=infrared)
+    scene = rooms.scene([lamp], [(rooms.room(3.0), 0.6)], bands=sensor_bands("as7265x-18"))
+    ticks = np.linspace(0.25, 2.75, 5)
+    x, y = np.meshgrid(ticks, ticks)
+    floor = sensors(np.stack([x.ravel(), y.ravel(), np.full(25, 0.3)], axis=1), UP)
+    transport = trace(scene, floor, **section("medium", "standard"), seed=1)
+    assert transport.attrs["achieved_relative_se"] <= 0.01
 
 
 @BY_ITS_ERROR
