@@ -128,6 +128,19 @@ def test_a_new_spectrum_leaves_the_lamp_that_the_scan_was_photographed_under(run
     assert [lamp.name for lamp in given] == [name, "warm"]  # given materials know no light of the scan
 
 
+def test_a_new_lamp_that_the_eye_does_not_see_is_written_with_its_watts(run: Path) -> None:
+    work = ls.design_lighting(run, {"targets": [{"name": "desk", "polygon": DESK, "at_least": 100}]}).work
+    infrared = ls.Spectrum(wavelengths_nm=np.array([840.0, 850.0, 860.0]), values=np.array([0.0, 0.25, 0.0]))
+    panel = work.designed[0]
+    section = panel.of.section.model_copy(
+        update={"spectrum": "850.csv", "luminous_flux_lm": None, "radiant_flux_W": 2.5, "dim": 1.0}
+    )
+    lamp = replace(panel.of.lamp, name="candidate 1", flux=infrared)
+    new = replace(panel, of=replace(panel.of, lamp=lamp, section=section, is_candidate=True))
+    written = designed_run_file((*work.designed, new), work.lamps, work.room, run=run, base=Path()).lamps[-1]
+    assert (written.name, written.luminous_flux_lm, written.radiant_flux_W) == ("candidate 1", None, 2.5)
+
+
 def test_what_cannot_be_met_is_said_with_the_flux_that_would_do(
     run: Path, command_line: CommandLine, tmp_path: Path
 ) -> None:

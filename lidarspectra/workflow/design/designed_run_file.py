@@ -113,7 +113,7 @@ def _present_tables(room: RunRoom) -> list[Table]:
     light = {"spectrum": section.spectrum} if section.spectrum is not None else {"cct_k": section.cct_k}
     guessed = {} if section.luminous_exitance_lm_m2 is not None else {"assumed": True}
     return [
-        {**_shape(lamp), **light, "luminous_flux_lm": _lumens(lamp.name, lamp.flux, room), **guessed}
+        {**_shape(lamp), **light, **_flux_key(lamp.name, lamp.flux, room), **guessed}
         for lamp in room.lamps
         if lamp.name not in outside
     ]
@@ -153,7 +153,7 @@ def _candidate(each: DesignedLamp, room: RunRoom, keys: Table) -> Table:
         like |= {"spectrum": found.spectrum} if found.spectrum is not None else {"cct_k": found.cct_k}
     kept = {key: value for key, value in like.items() if not (keys and key in FLUX_KEYS)}
     kept.pop("radiant_flux_W", None)
-    light = keys or {"luminous_flux_lm": _lumens(lamp.name, lamp.flux, room), "dim": round(each.dim, 4)}
+    light = keys or _flux_key(lamp.name, lamp.flux, room) | {"dim": round(each.dim, 4)}
     return kept | {"name": lamp.name, "center": _rounded(lamp.center.tolist()), "dim_in_scan": 0.0} | light
 
 
@@ -168,11 +168,15 @@ def _spectrum_keys(each: DesignedLamp, room: RunRoom, run: Path, base: Path, mix
     assert choice.name is not None  # as it is otherwise
     is_file = Path(choice.name).suffix.lower() in FILE_SUFFIXES and (base / choice.name).is_file()
     spectrum = from_folder(base / choice.name, room.base) if is_file else choice.name
-    return {"spectrum": spectrum, "luminous_flux_lm": _lumens(name, choice.flux, room), "dim": round(share, 4)}
+    return {"spectrum": spectrum, **_flux_key(name, choice.flux, room), "dim": round(share, 4)}
 
 
-def _lumens(lamp: str, flux: Spectrum, room: RunRoom) -> float:
-    return float(f"{luminous_flux_lm(nominal_flux(lamp, flux, room)):.7g}")
+def _flux_key(lamp: str, flux: Spectrum, room: RunRoom) -> Table:
+    """The key that states a flux: in lumens, or in watts where the eye sees none of it."""
+    nominal = nominal_flux(lamp, flux, room)
+    lumens = luminous_flux_lm(nominal)
+    key, value = ("luminous_flux_lm", lumens) if lumens > 0 else ("radiant_flux_W", nominal.integral())
+    return {key: float(f"{value:.7g}")}
 
 
 def _rounded(values: Sequence[float], digits: int = 4) -> list[float]:
