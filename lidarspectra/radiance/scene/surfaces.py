@@ -95,12 +95,13 @@ def transmissivity(transmittance: float) -> float:
     Returns
     -------
     transmissivity : float
-        t; above 1 where T exceeds what a clear pane of that index passes (about 0.917).
+        t; 1 where T is above what a clear pane of that index passes, about 0.917: with more it would send out more
+        light than it gets, since it reflects the rest.
     """
     if transmittance <= 0:
         return 0.0
     root = np.sqrt(0.8402528435 + 0.0072522239 * transmittance**2)
-    return float((root - 0.9166530661) / (0.0036261119 * transmittance))
+    return min(1.0, float((root - 0.9166530661) / (0.0036261119 * transmittance)))
 
 
 def _trans(name: str, material: Material, reflectance: Color) -> str:

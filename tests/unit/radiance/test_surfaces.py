@@ -79,6 +79,16 @@ def test_glass_passes_its_transmittance_at_normal_incidence(transmittance: float
     assert passed == pytest.approx(transmittance, rel=2e-4)  # the formula's constants have four good digits
 
 
+def test_glass_of_any_transmittance_makes_no_light() -> None:
+    # Both surfaces send back .083; data sheets of clear panes say .92, and a fit to frames may say .99.
+    surface = ((1.52 - 1) / (1.52 + 1)) ** 2
+    for transmittance in (0.917, 0.92, 0.99):
+        t = transmissivity(transmittance)
+        passed = (1 - surface) ** 2 * t / (1 - surface**2 * t**2)
+        reflected = surface * (1 + (1 - 2 * surface) * t**2) / (1 - surface**2 * t**2)
+        assert passed + reflected == pytest.approx(1.0, abs=2e-3)
+
+
 def test_smooth_gloss_is_written_a_little_rough() -> None:
     assert arguments(material(specularity=0.1))[1] == [0.1, MIN_ROUGHNESS]
     assert arguments(material(specularity=0.1, roughness=0.3))[1] == [0.1, 0.3]
