@@ -120,9 +120,13 @@ class Cell:
         values = AMPERE_PER_WATT_NM * grid * self.efficiency.at(grid, outside="zero")
         return Spectrum(wavelengths_nm=grid, values=values, name=self.name)
 
+    def is_relative(self, scale: float = 1.0) -> bool:
+        """Whether only ratios of its currents have a meaning, with a factor on its curve from a calibration [1]."""
+        return self.quantity == "relative" and scale == 1.0
+
     def notes(self, scale: float = 1.0) -> tuple[str, ...]:
         """Caveats on its currents, with a factor on its curve from a calibration [1]; full sentences."""
-        if self.quantity == "relative" and scale == 1.0:
+        if self.is_relative(scale):
             return (
                 *self._identifiable(),
                 f"The response curve of '{self.name}' is known only up to a factor, and is taken as its quantum "

@@ -11,13 +11,15 @@ from lidarspectra.errors import MapError
 from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.maps.point_values import places_of
-from lidarspectra.mapping.photometry.point_light import light_of_lamps
+from lidarspectra.mapping.photometry.point_light import PointLight, light_of_lamps
 from lidarspectra.mapping.photometry.schedule import Shift, day_parts, gathered
 from lidarspectra.mapping.photovoltaics.cells import Cell
 from lidarspectra.mapping.photovoltaics.currents import (
     DARK_PER_M2,
     cell_current_density,
     cut_lamps,
+    far_share,
+    highest_volt,
     maximum_power,
     power_held,
     response_beyond,
@@ -25,6 +27,7 @@ from lidarspectra.mapping.photovoltaics.currents import (
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.words import counted, two_digits
 
+FAR_SHARE = 0.05  # [1] of a current by light beyond the channels that draws a note
 COULOMB_PER_MAH = 3.6  # [C/mAh]
 JOULE_PER_MWH = 3.6  # [J/mWh]
 
@@ -83,7 +86,7 @@ def current_map(
         "current_A": (area * density, "current", "A"),
     }
 
-    notes = [*_notes(cell, scale, fluxes), *_daylight_notes(shifts, daylight)]
+    notes = [*current_notes(cell, scale, fluxes), *_far_notes(light, cell), *_daylight_notes(shifts, daylight)]
     power = _power_of(cell, volt)
     if power is not None:
         variables["power_W"] = (area * power(density), "power", "W")
@@ -130,8 +133,8 @@ def area_of(cell: Cell, area_m2: float | None) -> float:
     return area
 
 
-def _notes(cell: Cell, scale: float, fluxes: Mapping[str, Spectrum]) -> list[str]:
-    """Caveats on these currents, as full sentences."""
+def current_notes(cell: Cell, scale: float, fluxes: Mapping[str, Spectrum]) -> list[str]:
+    """Caveats on currents of a cell under lamps of these spectra, by name, as full sentences."""
     notes = list(cell.notes(scale))
     cut = cut_lamps(fluxes, cell)
     if cut:
@@ -144,12 +147,29 @@ def _notes(cell: Cell, scale: float, fluxes: Mapping[str, Spectrum]) -> list[str
     return notes
 
 
+def _far_notes(light: PointLight, cell: Cell) -> tuple[str, ...]:
+    """A note where much of the current is by light that the room was not traced for."""
+    share, centers = far_share(light, cell), light.centers_nm
+    if share < FAR_SHARE:
+        return ()
+    return (
+        f"{two_digits(100 * share)} % of the current of '{cell.name}' is by light beyond the channels, "
+        f"{centers[0]:g} to {centers[-1]:g} nm, where the room is taken to reflect as in the outermost one: many "
+        "paints and cloths reflect more in the infrared. Channels that reach farther ([sensors] device) tell better.",
+    )
+
+
 def _power_notes(cell: Cell, volt: float | None, density: FloatArray, power: FloatArray | None) -> tuple[str, ...]:
     """A note where there is no power for want of a voltage, or because the voltage is more than a cell has."""
     if power is None:
         return (
             f"There is no power and energy, since the voltage of '{cell.name}' is not known. Give the voltage at which "
             "it is operated with --volt, or as volt in the run file.",
+        )
+    if cell.circuit is None and volt is not None and volt >= (highest := highest_volt(cell)):
+        return (
+            f"No single cell of this response reaches {volt:g} V: its photons of least energy have {highest:.2g} eV. "
+            "Power and energy are too high by the number of cells in series: give their voltage over their number.",
         )
     lit = density > DARK_PER_M2
     unfed = int((lit & (power <= 0)).sum())

@@ -8,7 +8,7 @@ from scipy import constants
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.maps.response_weights import share_within
+from lidarspectra.mapping.maps.response_weights import REACH_NM, share_within
 from lidarspectra.mapping.photometry.point_light import PointLight
 from lidarspectra.mapping.photovoltaics.cells import AMPERE_PER_WATT_NM, Cell, Circuit
 from lidarspectra.spectra.spectrum import Spectrum
@@ -16,6 +16,7 @@ from lidarspectra.spectra.spectrum import Spectrum
 CELL_KELVIN = 298.15  # [K] 25 °C, the standard temperature of circuit parameters, also close to that of a room
 VOLT_PER_KELVIN = float(constants.k / constants.e)  # [V/K]
 STILL_BRIGHT = 0.05  # [1] of its peak: a spectrum that ends above it is cut off
+RESPONDS = 0.01  # [1] of its peak: a response below it is the tail of defects and of digitising
 DARK_PER_M2 = 1e-9  # [A/m²] current density below which the power is taken as zero
 
 
@@ -110,6 +111,28 @@ def cut_lamps(fluxes: Mapping[str, Spectrum], cell: Cell) -> tuple[str, ...]:
         for name, flux in fluxes.items()
         if flux.range_nm[1] < last and flux.values[-1] > STILL_BRIGHT * flux.values.max()
     )
+
+
+def far_share(light: PointLight, cell: Cell) -> float:
+    """Share of a cell's current, over all points, by light farther from the channels than `REACH_NM` [1].
+
+    There the room is taken to reflect as in the outermost channel. 0 where only the channels are known: that light is
+    then missing (`unknown_share`).
+    """
+    if not light.lamps:
+        return 0.0
+    grid, values = cell.responsivity.wavelengths_nm, cell.responsivity.values
+    first, last = light.centers_nm[0] - REACH_NM, light.centers_nm[-1] + REACH_NM
+    far = Spectrum(wavelengths_nm=grid, values=np.where((grid < first) | (grid > last), values, 0.0))
+    whole = float(light.weigh(cell.responsivity)[0].sum())
+    return float(light.weigh(far)[0].sum()) / whole if whole > 0 else 0.0
+
+
+def highest_volt(cell: Cell) -> float:
+    """Voltage that no cell of this response reaches: of the photons at its long-wavelength end, hc/(q λ) [V]."""
+    values = cell.efficiency.values
+    end_nm = cell.efficiency.wavelengths_nm[np.flatnonzero(values > RESPONDS * values.max())[-1]]
+    return float(1.0 / (AMPERE_PER_WATT_NM * end_nm))
 
 
 def response_beyond(cell: Cell, wavelength_nm: float) -> float:

@@ -72,14 +72,19 @@ def write_annual_page(
     ]
     lead = (
         f"A year of daylight at {year.sizes['point']} points, {year.sizes['hour']} hours with light of "
-        f"8760, by the weather of {year.attrs['weather']} ({year.attrs['latitude_deg']:.2f}° north, "
-        f"{year.attrs['longitude_deg']:.2f}° east)."
+        f"8760, by the weather of {year.attrs['weather']} ({_place(year)})."
     )
     page = html.page(title=f"Annual daylight: {title}", lead=lead, sections=sections, footer="Made by LiDARSpectra.")
     path = folder / PAGE
     with writing(folder, error=MapError):
         path.write_text(page, encoding="utf-8", newline="\n")
     return path
+
+
+def _place(year: xr.Dataset) -> str:
+    latitude, longitude = float(year.attrs["latitude_deg"]), float(year.attrs["longitude_deg"])
+    across, along = "south" if latitude < 0 else "north", "west" if longitude < 0 else "east"
+    return f"{abs(latitude):.2f}° {across}, {abs(longitude):.2f}° {along}"
 
 
 def _summary(room: pd.DataFrame, writer: ReportWriter, notes: tuple[str, ...]) -> str:

@@ -140,7 +140,7 @@ def _responses(centers_nm: FloatArray, cells: Sequence[tuple[Cell, float]]) -> t
     currents = [
         _Response(
             key=f"cell_{number}",
-            words=f"current of {printable(cell.name)}",
+            words=f"{'relative ' * cell.is_relative(scale)}current of {printable(cell.name)}",
             unit="µA/cm²",
             response=cell.responsivity.scaled(MICRO_PER_CM2 * scale),
         )

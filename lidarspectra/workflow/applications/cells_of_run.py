@@ -21,7 +21,7 @@ from lidarspectra.mapping.maps.point_values import save_points
 from lidarspectra.mapping.photometry.indoor_spectra import indoor_spectra
 from lidarspectra.mapping.photometry.schedule import parse_hours, read_schedule
 from lidarspectra.mapping.photovoltaics.cells import Cell, find_cell
-from lidarspectra.mapping.photovoltaics.current_map import area_of, current_map, currents_table
+from lidarspectra.mapping.photovoltaics.current_map import area_of, current_map, current_notes, currents_table
 from lidarspectra.mapping.photovoltaics.currents import unknown_share
 from lidarspectra.mapping.photovoltaics.figures import currents_figure
 from lidarspectra.mapping.photovoltaics.from_sensor import current_from_channels
@@ -174,7 +174,7 @@ def places_in_run(run: Path, order: PlaceOrder) -> tuple[Table, tuple[str, ...]]
     cell = find_cell(order.cell, order.base)
     transport = transport_of_run(run)
     folder = require_stage(run, "scan")
-    scan, room = load_scan(folder), load_room(folder)
+    scan, room, lamps = load_scan(folder), load_room(folder), present_lamps_of_run(run)
     points = np.stack([transport[name].to_numpy() for name in ("x", "y", "z")], axis=1)[kept_points(transport)]
     mounts = tilted_mounts(points, order.tilts_deg, order.azimuths_deg)
     if order.wall_heights_m:
@@ -182,7 +182,7 @@ def places_in_run(run: Path, order: PlaceOrder) -> tuple[Table, tuple[str, ...]]
     ranked = best_mounts(
         scene_of_run(run),
         scan,
-        present_lamps_of_run(run),
+        lamps,
         mounts,
         cell,
         (order.size_cm[0] * CM, order.size_cm[1] * CM),
@@ -211,7 +211,7 @@ def places_in_run(run: Path, order: PlaceOrder) -> tuple[Table, tuple[str, ...]]
     )
     formats = dict.fromkeys(("x [m]", "y [m]", "z [m]"), ".2f") | dict.fromkeys(frame.columns[3:5], ".0f")
     return Table(name="cell-places", caption=caption, frame=frame, formats=formats), (
-        *cell.notes(order.scale),
+        *current_notes(cell, order.scale, {lamp.name: lamp.flux for lamp in lamps}),
         *notes_of_light(run),
     )
 

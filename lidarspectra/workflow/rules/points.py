@@ -21,6 +21,7 @@ from lidarspectra.workflow.calibration.light import RunRoom
 
 WALL_MARGIN_M = 0.5  # [m] from the walls, of the area that is taken where none is given (EN 12464-1, 6.4)
 FINEST_M, COARSEST_M = 0.1, 2.0  # [m] of a grid
+NARROW = 2.0  # [1] longer over shorter side, from which the shorter one tells the spacing
 MAX_GRID = 400  # points of one area
 CYLINDER_SIDES = 5  # an odd number n of upright sensors has the mean over all directions but for harmonics of 2 n: 2 %
 CYLINDER_PLACES = 4  # of an area
@@ -175,12 +176,17 @@ def _area_points(
 
 
 def _in_area(area: AreaSection, room: Room) -> FloatArray:
-    """(point, 2) grid of EN 12464-1: spacing 0.2 · 5^(lg d) for the longer side d, points in the cells' middles."""
+    """(point, 2) grid of EN 12464-1, points in the cells' middles: spacing 0.2 · 5^(lg d) at most.
+
+    d is the longer side, or the shorter one where the longer is twice as long or more: a corridor has rows of points
+    beside its middle.
+    """
     turn = _turn(room)
     corners = np.array(area.polygon) @ turn
     low, high = corners.min(axis=0), corners.max(axis=0)
     sides = np.maximum(high - low, 1e-6)
-    spacing = float(np.clip(0.2 * 5.0 ** np.log10(sides.max()), FINEST_M, COARSEST_M))
+    side = sides.min() if sides.max() >= NARROW * sides.min() else sides.max()
+    spacing = float(np.clip(0.2 * 5.0 ** np.log10(side), FINEST_M, COARSEST_M))
     spacing = max(spacing, float(np.sqrt(sides.prod() / MAX_GRID)))
     counts = np.maximum(np.ceil(sides / spacing), 1).astype(int)
     axes = [low[axis] + (np.arange(counts[axis]) + 0.5) * sides[axis] / counts[axis] for axis in range(2)]

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import DatabaseError, LidarSpectraError, MapError, ReadingError
+from lidarspectra.lamps.lamp_spectra import cct_spectrum
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.maps.point_values import points_frame
+from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.photometry.indoor_spectra import indoor_spectra
-from lidarspectra.mapping.photometry.point_light import PointLight
+from lidarspectra.mapping.photometry.point_light import PointLight, light_of_lamps, light_of_map
 from lidarspectra.mapping.photometry.schedule import Shift, day_parts, gathered, parse_hours, read_schedule
 from lidarspectra.mapping.photovoltaics.cells import AMPERE_PER_WATT_NM, Cell, Circuit, find_cell, list_cells
 from lidarspectra.mapping.photovoltaics.current_map import current_map, currents_table
@@ -18,6 +20,8 @@ from lidarspectra.mapping.photovoltaics.currents import (
     VOLT_PER_KELVIN,
     cell_current_density,
     cut_lamps,
+    far_share,
+    highest_volt,
     maximum_power,
     photocurrent,
     photocurrent_density,
@@ -224,6 +228,36 @@ def test_a_voltage_that_no_single_cell_reaches_is_told(make_transport, lamps):
     one = current_map(transport, fluxes, find_cell("silicon"), area_m2=1e-2, volt=0.3)
     assert (one["power_W"] > 0).all()
     assert "does not reach" not in one.attrs["notes"]
+
+
+def test_a_voltage_above_that_of_a_photon_is_that_of_cells_in_series(make_transport, lamps):
+    """Without a circuit current times voltage would be taken for power, however many volts a module has."""
+    transport, fluxes = make_transport(points=4), {lamp.name: lamp.flux for lamp in lamps}
+    even = Spectrum(wavelengths_nm=[400.0, 800.0], values=[0.5, 0.5])
+    cell = Cell(
+        name="mine", words="", category="", provenance="assigned", quantity="efficiency", efficiency=even, area_m2=1e-3
+    )
+    assert highest_volt(cell) == pytest.approx(1239.84 / 800.0, rel=1e-5)
+    module = current_map(transport, fluxes, cell, volt=5.0)
+    assert "No single cell of this response reaches 5 V" in module.attrs["notes"]
+    assert "1.5 eV" in module.attrs["notes"]
+    assert "No single cell" not in current_map(transport, fluxes, cell, volt=1.0).attrs["notes"]
+
+
+def test_current_by_light_beyond_the_channels_is_told(make_transport, lamps):
+    transport = make_transport(points=4)
+    names = [lamp.name for lamp in lamps]
+    hot = dict.fromkeys(names, cct_spectrum(2856.0))
+    noted = current_map(transport, hot, find_cell("silicon"), area_m2=1e-2)
+    assert "is by light beyond the channels, 410 to 760 nm" in noted.attrs["notes"]
+    light = light_of_lamps(transport, hot)
+    share = far_share(light, find_cell("silicon"))
+    silicon, grid = find_cell("silicon").responsivity, np.arange(300.0, 1101.0)
+    product = silicon.at(grid, outside="zero") * cct_spectrum(2856.0).at(grid, outside="zero")
+    assert share == pytest.approx(product[grid > 790].sum() / product.sum(), abs=0.05)  # walls reflect more at 760 nm
+    leds = current_map(transport, {lamp.name: lamp.flux for lamp in lamps}, find_cell("silicon"), area_m2=1e-2)
+    assert "beyond the channels" not in leds.attrs["notes"]
+    assert far_share(light_of_map(spectral_map(transport)), find_cell("silicon")) == 0.0
 
 
 def test_a_cell_in_a_run_is_lit_as_the_run_is_and_says_what_its_sensors_read(

@@ -40,14 +40,31 @@ def test_a_place_beneath_a_table_top_is_no_task(builder, top: float) -> None:
 def test_a_desk_s_top_and_a_shelf_of_plants_are_where_they_were(builder) -> None:
     (desk,) = rule_points(with_a_table(builder, 0.74), [AreaSection(name="desk", polygon=DESK)]).areas
     assert desk.beneath == 0
-    assert desk.task.size == 18
+    assert desk.task.size == 50
     shelf = AreaSection(name="shelf", polygon=DESK, activity="plants", dli_mol_m2=10.0)
     (plants,) = rule_points(with_a_table(builder, 1.1), [shelf]).areas
     assert plants.beneath == 0
-    assert plants.task.size == 18
+    assert plants.task.size == 50
 
 
 def test_what_is_over_a_table_is_not_under_furniture(builder) -> None:
     room = with_a_table(builder, 0.74)
     places = np.array([[1.8, 1.4, 0.3], [1.8, 1.4, 0.85], [3.2, 2.2, 0.3]])
     np.testing.assert_array_equal(under_furniture(room.scan, room.room, places), [True, False, False])
+
+
+@pytest.mark.parametrize(
+    ("size", "across"),
+    [((3.2, 0.8), (19, 5)), ((3.2, 1.61), (8, 4)), ((1.0, 1.0), (5, 5))],  # EN 12464-1: 0.17 m, 0.45 m and 0.2 m
+)
+def test_a_narrow_area_has_the_grid_of_its_width(builder, size: tuple[float, float], across: tuple[int, int]) -> None:
+    room = builder(step_m=0.05, noise_m=0.0)
+    room.box([0, 0, 0], [4, 3, 2.5], inward=True)
+    scan = room.scan()
+    lamp = SimpleNamespace(distance=lambda places: np.full(len(places), np.inf))
+    bare = SimpleNamespace(scan=scan, room=find_room(scan), part=np.full(len(scan.faces), -1), lamps=(lamp,))
+    (x, y), (dx, dy) = (0.4, 0.7), size
+    corners = ((x, y), (x + dx, y), (x + dx, y + dy), (x, y + dy))
+    found = rule_points(bare, [AreaSection(name="strip", polygon=corners)])
+    places = found.points.positions[found.areas[0].task]
+    assert tuple(len(np.unique(places[:, axis].round(3))) for axis in (0, 1)) == across
