@@ -20,6 +20,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.figure_style import INK, MUTED, PAGE_WIDTH_IN, place, plain
 from lidarspectra.mapping.figures.floor_plan import FloorPlan, PanelLayout, plan_extent
 from lidarspectra.room.panes.pane import Pane, PaneKind
+from lidarspectra.words import digits
 
 if TYPE_CHECKING:
     import xarray as xr  # loads slowly, and a plan of a room without a map needs none
@@ -132,7 +133,7 @@ def draw_colorbar(
     bar = figure.colorbar(ScalarMappable(norm=norm, cmap=colors), cax=axes)
     bar.outline.set_visible(False)
     bar.locator = MaxNLocator(nbins=4 if not label else 6, steps=[1, 2, 2.5, 5, 10])
-    bar.formatter = FuncFormatter(lambda value, _: f"{value:.3g}")
+    bar.formatter = FuncFormatter(lambda value, _: digits(value, ".3g"))
     bar.update_ticks()
     axes.tick_params(length=2.0, pad=1.5, labelsize=7.0 if not label else 8.0)
     if label:

@@ -45,6 +45,7 @@ def quantities_figure(quantities: xr.Dataset, plan: FloorPlan) -> Figure:
     return point_maps(values, plan, SHOWN, colors=dict.fromkeys(FROM_LOWEST, ERROR_MAP))
 
 
+@styled
 def point_maps(
     values: xr.Dataset, plan: FloorPlan, wanted: Mapping[str, str], *, colors: Mapping[str, str] | None = None
 ) -> Figure:

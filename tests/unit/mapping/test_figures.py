@@ -23,6 +23,7 @@ from lidarspectra.mapping.figures.channel_figures import (
 )
 from lidarspectra.mapping.figures.figure_style import (
     PAGE_DPI,
+    STYLE,
     new_figure,
     page_svg,
     place,
@@ -40,6 +41,7 @@ from lidarspectra.mapping.figures.map_figures import (
     relative_error,
 )
 from lidarspectra.mapping.maps.spectral_map import spectral_map
+from lidarspectra.mapping.photometry.figures import point_maps
 from lidarspectra.material.material_map import Material
 from lidarspectra.room.plan_cells import within_polygon
 from lidarspectra.spectra.spectrum import Spectrum
@@ -529,3 +531,13 @@ def test_nothing_to_draw_is_an_error_not_an_empty_picture(make_transport):
         spectra_figure(spectral_map(make_transport(points=9)), ())
     with pytest.raises(MapError, match="one or more materials"):
         reflectances_figure((), np.empty(0))
+
+
+def test_maps_of_points_have_the_house_style_and_plain_thousands_beside_them(plan, make_transport):
+    one_map = spectral_map(make_transport())
+    values = one_map.assign(hours=("point", np.linspace(0.0, 3200.0, 176)))
+    figure = point_maps(values, plan, {"hours": "hours [h]"})
+    map_axes, bar = figure.axes
+    assert map_axes.title.get_fontsize() == STYLE["axes.titlesize"]
+    figure.canvas.draw()
+    assert "2000" in [label.get_text() for label in bar.get_yticklabels()]
