@@ -8,6 +8,7 @@ import io
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from PIL import Image
@@ -28,6 +29,7 @@ OFF_CENTER, UNEVEN_PIXELS = 0.1, 0.1  # [1] of the principal point, over the siz
 MAX_NAMED = 5  # frames named in a note
 FEW_FRAMES, MAX_FRAMES = 400, 600  # up to which all are used; of a video
 KEY_STEP_M, KEY_STEP_DEG = 0.08, 6.0  # [m], [deg] from one frame of a video to the next that is used
+LOOK_S = 0.7  # [s] without such a step, in which a phone comes to expose for what it looks at, as a lamp
 ASPECT_TOLERANCE = 0.02  # [1] between the sides of a picture and of its depth
 FEW_LEFT_OUT = (
     "What only they saw takes its colour from its surroundings; export or copy the scan again if that is a large part "
@@ -463,22 +465,35 @@ def key_frames(frames: Sequence[Frame]) -> tuple[Frame, ...]:
     Returns
     -------
     kept : tuple of Frame
-        All if there are few. Of more, those that moved by a step from the last that is kept; the step is widened
-        until they are few enough.
+        All if there are few. Of more, those that moved by a step from the last that is kept, and the last before them
+        where that took a look's time: only then the phone was exposed for what it looked at. The step is widened until
+        they are few enough.
     """
     if len(frames) <= FEW_FRAMES:
         return tuple(frames)
     shift_m, turn = KEY_STEP_M, np.radians(KEY_STEP_DEG)
     while True:
         kept = [frames[0]]
-        for frame in frames[1:]:
-            last, pose = kept[-1].camera_to_world, frame.camera_to_world
-            cosine = float((last[:3, 2] * pose[:3, 2]).sum())
-            if np.linalg.norm(pose[:3, 3] - last[:3, 3]) > shift_m or cosine < np.cos(turn):
-                kept.append(frame)
+        key = frames[0]
+        for before, frame in pairwise(frames):
+            if _differ(key, frame, shift_m, turn):
+                kept += [before, frame] if _is_look(key, before) else [frame]
+                key = frame
+        kept += [frames[-1]] if _is_look(key, frames[-1]) else []
         if len(kept) <= MAX_FRAMES:
             return tuple(kept)
         shift_m, turn = 1.3 * shift_m, min(1.3 * turn, np.pi)
+
+
+def _differ(one: Frame, other: Frame, shift_m: float, turn: float) -> bool:
+    """Whether they were taken further apart than a shift [m], or look elsewhere by more than a turn [rad]."""
+    cosine = float((one.camera_to_world[:3, 2] * other.camera_to_world[:3, 2]).sum())
+    return bool(np.linalg.norm(other.position - one.position) > shift_m or cosine < np.cos(turn))
+
+
+def _is_look(first: Frame, last: Frame) -> bool:
+    """Whether a phone looked at one thing from the first to the last; not where that is not known."""
+    return first.time_s is not None and last.time_s is not None and last.time_s - first.time_s >= LOOK_S
 
 
 def _jumps(one: Frame, other: Frame) -> bool:

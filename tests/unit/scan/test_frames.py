@@ -1,5 +1,7 @@
 """What is taken from an app's file of one frame, and what is a fault of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -112,6 +114,19 @@ def test_of_a_long_walk_no_more_frames_are_used_than_there_is_time_for() -> None
     assert MAX_FRAMES / 2 < len(kept) <= MAX_FRAMES
     steps = np.diff([frame.position[0] for frame in kept])
     assert steps.max() - steps.min() < 0.11  # evenly, to a frame
+
+
+def test_of_a_look_at_a_lamp_the_last_frame_is_used_which_the_phone_exposed_for_it() -> None:
+    """The first of a look is exposed for what was looked at before; a walk of the same video has no such frames."""
+    steps = np.concatenate([0.03 * np.arange(300), np.full(90, 9.0), 9.0 + 0.03 * np.arange(1, 200), np.full(40, 15.0)])
+    seconds = np.arange(steps.size) / 60.0
+    walk = [replace(frame_of(np.eye(4), time_s=second), name=str(each)) for each, second in enumerate(seconds)]
+    for frame, place in zip(walk, steps, strict=True):
+        frame.camera_to_world[0, 3] = place
+    kept = {int(frame.name) for frame in key_frames(walk)}
+    looked_last = int(np.flatnonzero(steps < 9.085)[-1])
+    assert {looked_last} == {each for each in kept if 300 < each <= looked_last}
+    assert len(kept) == pytest.approx(steps.max() / 0.09, abs=3)  # three steps of 3 cm each; the last look is shorter
 
 
 def test_frames_that_are_not_used_are_counted_by_reason_and_the_first_five_of_each_named() -> None:
