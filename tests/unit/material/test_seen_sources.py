@@ -116,6 +116,32 @@ def test_bars_before_a_sky_that_all_frames_cut_do_not_tell_its_radiance(share: f
     assert found.log_deviation[0] == BOUND_DEVIATION
 
 
+def test_a_glint_on_a_bar_does_not_make_it_the_sky_that_all_frames_cut() -> None:
+    scan, source = pane()
+    records = with_bars(records_of(np.full(4, 1.0), CAMERAS), 0.3, 0.3)
+    light = np.where(records.place == 5, 0.95, records.light).astype(np.float32)  # one place of twelve
+    found = sightings_of_sources(replace(records, light=light), scan, RayCaster(scan), (source,))
+    assert found is not None
+    assert found.log_deviation[0] == BOUND_DEVIATION
+
+
+@pytest.mark.parametrize(("white", "expected"), [(10.0, SKY), (1.0, BEYOND_BOUND)], ids=["told", "cut"])
+def test_a_lamp_mirrored_in_a_corner_of_a_window_is_not_the_radiance_of_all_of_it(white: float, expected: float) -> None:
+    scan, source = pane()
+    records = records_of(np.full(4, white), CAMERAS)
+    light = np.where(records.place < 4, 5.0 * records.light, records.light).astype(np.float32)
+    found = sightings_of_sources(replace(records, light=light), scan, RayCaster(scan), (source,))
+    assert found is not None
+    assert found.light[0] == pytest.approx(np.full(3, expected))
+
+
+def test_what_stands_a_hand_before_a_window_is_not_the_window() -> None:
+    scan, source = pane()
+    records = records_of(np.full(4, 10.0), CAMERAS)
+    records = replace(records, points=records.points + [0.1, 0.0, 0.0])
+    assert sightings_of_sources(records, scan, RayCaster(scan), (source,)) is None
+
+
 def test_the_lobes_of_what_is_cut_are_those_of_the_views_that_are_cut() -> None:
     scan, source = pane()
     cameras = np.array([[2.5, 0.5, 1.0], [0.3, 0.5, 1.0]])  # one near the horizon, one steeply up
