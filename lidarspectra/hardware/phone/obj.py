@@ -7,13 +7,14 @@ damaged line. Here each is an error with its line, or a note.
 import itertools
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from lidarspectra.arrays import ByteArray, FloatArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.textures import check_texture_total
+from lidarspectra.hardware.phone.part_names import part_kind
 from lidarspectra.hardware.phone.polygons import polygon_triangles
 from lidarspectra.hardware.phone.raw_mesh import MOST_FLOAT_COLOR, FileFolder, MeshPart, RawMesh, missing_file_notes
 from lidarspectra.spectra.colorimetry import encode_srgb
@@ -26,6 +27,10 @@ _IMAGE_OPTION_ARGUMENTS = {
     "-mm": 2, "-blendu": 1, "-blendv": 1, "-boost": 1, "-texres": 1, "-clamp": 1,
     "-bm": 1, "-imfchan": 1, "-type": 1, "-cc": 1,
 }  # fmt: skip  # options of map_Kd and how many words follow each (OBJ/MTL specification, B5)
+
+
+_Group = tuple[str | None, str, int]
+"""Material, kind of the named part, and its number; 0 for all without a kind: scans may have thousands of groups."""
 
 
 @dataclass(kw_only=True)
@@ -53,7 +58,7 @@ class _Content:
 
     positions: list[list[float]] = field(default_factory=list)
     textures: list[list[float]] = field(default_factory=list)
-    groups: dict[str | None, _Faces] = field(default_factory=dict)
+    groups: dict[_Group, _Faces] = field(default_factory=dict)
     libraries: list[str] = field(default_factory=list)
 
 
@@ -72,7 +77,7 @@ def read_obj(data: bytes, *, folder: FileFolder) -> RawMesh:
     Returns
     -------
     raw : RawMesh
-        One part per material.
+        One part per material, and per object or group whose name says what it is.
 
     Raises
     ------
@@ -89,10 +94,11 @@ def read_obj(data: bytes, *, folder: FileFolder) -> RawMesh:
     vertices, colors = _vertex_arrays(content.positions)
     uv = np.array(content.textures, dtype=np.float64).reshape(-1, 2)
     parts: list[MeshPart] = []
-    for name, faces in content.groups.items():
+    for (name, kind, shape), faces in content.groups.items():
         material = materials.get(name, _Material()) if name is not None else _Material()
         image = numbers.get(material.texture, -1) if material.texture is not None else -1
-        parts.extend(_parts(faces, material, image, vertices, colors, uv))
+        found = _parts(faces, material, image, vertices, colors, uv)
+        parts.extend(replace(part, kind=kind, shape=shape) for part in found)
     notes = missing_file_notes(folder.missing)
     return RawMesh(parts=tuple(parts), images=tuple(images), notes=notes)
 
@@ -148,7 +154,9 @@ def _lines(data: bytes) -> Iterator[tuple[int, str, str]]:
 
 def _parse(data: bytes, *, where: str) -> _Content:
     content = _Content()
-    current: str | None = None
+    material: str | None = None
+    names: dict[str, str] = {}  # of the object and the group that faces belong to
+    kind, shape = "", 0
     for number, keyword, rest in _lines(data):
         try:
             if keyword == "v":
@@ -157,10 +165,13 @@ def _parse(data: bytes, *, where: str) -> _Content:
                 first_two = [float(word) for word in rest.split()[:2]]
                 content.textures.append(first_two if len(first_two) == 2 else [first_two[0], 0.0])
             elif keyword == "f":
-                group = content.groups.setdefault(current, _Faces())
+                group = content.groups.setdefault((material, kind, shape if kind else 0), _Faces())
                 _add_face(group, rest.split(), len(content.positions), len(content.textures))
             elif keyword == "usemtl":
-                current = rest
+                material = rest
+            elif keyword in ("o", "g"):
+                names = {"o": rest} if keyword == "o" else names | {"g": rest}
+                kind, shape = part_kind((names.get("g"), names.get("o"))), shape + 1
             elif keyword == "mtllib":
                 content.libraries.append(rest)
         except (ValueError, IndexError) as cause:
@@ -246,7 +257,7 @@ def _parts(
         if material.color is not None and material.texture is None:
             # Kd is linear light; where the texture is missing, its white is not the surface's colour.
             color = np.broadcast_to(encode_srgb(np.array(material.color)), (plain.shape[0], 3, 3))
-        yield MeshPart(vertices=vertices, faces=plain, corner_color=color)
+        yield MeshPart(vertices=vertices, faces=plain, corner_color=color, flat_color=True)
 
 
 def _parse_materials(data: bytes, *, where: str) -> dict[str, _Material]:

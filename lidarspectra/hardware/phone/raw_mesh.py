@@ -265,12 +265,13 @@ def join_parts(raw: RawMesh, *, where: str) -> JoinedMesh:
     for part in parts:
         _check_geometry(part, where=where)
     check_texture_total(raw.images, name=where)
-    starts = np.cumsum([0] + [part.vertices.shape[0] for part in parts[:-1]])
-    faces = np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=True)]).astype(np.int64)
+    blocks = {id(part.vertices): part.vertices for part in parts}  # parts of one shape share theirs
+    starts = dict(zip(blocks, np.cumsum([0, *(block.shape[0] for block in blocks.values())]).tolist(), strict=False))
+    faces = np.concatenate([part.faces + starts[id(part.vertices)] for part in parts]).astype(np.int64)
     used, numbered = np.unique(faces, return_inverse=True)
     appearance, notes = _join_appearance(parts, raw.images)
     return JoinedMesh(
-        vertices=np.concatenate([part.vertices for part in parts])[used].astype(np.float64),
+        vertices=np.concatenate([*blocks.values()])[used].astype(np.float64),
         faces=numbered.reshape(-1, 3).astype(np.int64),
         appearance=appearance,
         notes=raw.notes + part_notes + notes,

@@ -15,7 +15,7 @@ from lidarspectra.hardware.phone.frames import DepthMap, Frame
 from lidarspectra.material.delighting.tone_curve import ToneCurve
 from lidarspectra.material.frames.gains import Radiometry
 from lidarspectra.material.frames.pane_fit import Line, best_rectangle, fitted
-from lidarspectra.material.frames.seen_panes import panes_of_wall
+from lidarspectra.material.frames.seen_panes import line_of, panes_of_wall
 from lidarspectra.material.frames.wall_views import WallRows, views_of_walls
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.wall_view import CELL_M, WallView, wall_view
@@ -245,6 +245,23 @@ def test_rows_of_one_frame_are_one_witness() -> None:
     )  # fmt: skip
     assert fitted(twice).gain == pytest.approx(fitted(line).gain)
     assert fitted(twice).deviation == pytest.approx(fitted(line).deviation)
+
+
+def test_a_line_has_the_mean_of_each_square_in_each_frame_where_both_are_known() -> None:
+    shown = np.array([0.1, 0.3, 0.5, 0.7, np.nan, 0.9, 0.2, 0.4])
+    mirrored = np.array([0.2, 0.4, 0.6, np.nan, 0.8, 0.1, 0.3, 0.5])
+    blank = np.full(8, np.nan)
+    rows = WallRows(
+        square=np.array([0, 0, 0, 1, 1, 1, 2, 3]), frame=np.array([2, 2, 0, 0, 1, 2, 1, 1]), shown=shown,
+        mirrored=mirrored, behind=1.0 - mirrored, deep=blank, mirrored_deep=blank, behind_deep=blank,
+    )  # fmt: skip
+    left = np.array([[True, True], [True, False]])
+    line = line_of("mirror", rows, left)
+    assert list(zip(line.square.tolist(), line.frame.tolist(), strict=True)) == [(0, 0), (0, 2), (1, 2), (2, 1)]
+    np.testing.assert_allclose(line.shown, [0.5, 0.2, 0.9, 0.2])
+    np.testing.assert_allclose(line.predicted, [0.6, 0.3, 0.1, 0.3])
+    assert line.shape == (2, 2)
+    np.testing.assert_allclose(line_of("glass", rows, left).predicted, [0.4, 0.7, 0.9, 0.7])
 
 
 def test_the_best_rectangle_is_that_of_the_largest_sum() -> None:

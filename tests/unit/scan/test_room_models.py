@@ -112,6 +112,41 @@ def test_named_parts_of_a_glb_are_known_and_their_drawn_colour_is_no_photograph(
     assert (scan.appearance.face_kinds >= 0).all()
 
 
+def write_named_obj(path: Path, parts, keyword: str) -> None:
+    """Boxes of one material, each after a line with its name; y up."""
+    lines = ["mtllib room.mtl", "o Room"]
+    count = 1
+    for part in parts:
+        box = trimesh.creation.box(part.size)
+        corners = box.vertices + part.center
+        lines += [f"v {x} {z} {-y}" for x, y, z in corners]
+        lines += [f"{keyword} {part.name}", "usemtl white"]
+        lines += [f"f {a} {b} {c}" for a, b, c in box.faces + count]
+        count += len(corners)
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    path.with_name("room.mtl").write_text("newmtl white\nKd 0.9 0.9 0.9\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize("keyword", ["o", "g"])
+def test_named_parts_of_an_obj_are_known_and_their_drawn_colour_is_no_photograph(tmp_path: Path, keyword: str) -> None:
+    write_named_obj(tmp_path / "a.obj", furnished_room(), keyword)
+    scan = read_scan(tmp_path / "a.obj", unit="m", up="+y")
+    assert set(scan.appearance.kinds) == KINDS
+    assert (scan.appearance.sources == DRAWN).all()
+    assert "4 walls, 1 chair, 1 door" in scan.record.notes[0]
+    table = next(part for part in furnished_room() if part.name == "Table0")
+    assert _box(scan, "table").mean(axis=0) == pytest.approx(table.center, abs=1e-6)
+
+
+def test_groups_of_an_obj_that_name_nothing_are_one_part_of_photographed_colour(tmp_path: Path) -> None:
+    parts = [replace(part, name=f"mesh_{number}") for number, part in enumerate(furnished_room())]
+    write_named_obj(tmp_path / "a.obj", parts, "g")
+    scan = read_scan(tmp_path / "a.obj", unit="m", up="+y")
+    assert scan.appearance.kinds == ()
+    assert (scan.appearance.sources == PHOTOGRAPHED).all()
+    assert len(scan.faces) == 12 * len(parts)
+
+
 def test_names_count_only_in_a_file_that_names_walls(tmp_path: Path) -> None:
     write_named_glb(tmp_path / "a.glb", [part for part in furnished_room() if not part.name.startswith("Wall")])
     appearance = read_scan(tmp_path / "a.glb", up="+y").appearance
