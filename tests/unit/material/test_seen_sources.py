@@ -126,7 +126,7 @@ def test_a_glint_on_a_bar_does_not_make_it_the_sky_that_all_frames_cut() -> None
 
 
 @pytest.mark.parametrize(("white", "expected"), [(10.0, SKY), (1.0, BEYOND_BOUND)], ids=["told", "cut"])
-def test_a_lamp_mirrored_in_a_corner_of_a_window_is_not_the_radiance_of_all_of_it(white: float, expected: float) -> None:
+def test_a_lamp_mirrored_in_a_corner_of_a_window_is_not_the_radiance_of_it(white: float, expected: float) -> None:
     scan, source = pane()
     records = records_of(np.full(4, white), CAMERAS)
     light = np.where(records.place < 4, 5.0 * records.light, records.light).astype(np.float32)
