@@ -1,6 +1,6 @@
 """How sure the light is that comes from surfaces which no picture shows.
 
-Such a surface is taken to be of the material of the nearest one that looks the same way (`unseen_faces`), and to send
+Such a surface is taken to be of the material of another one beside it (`unseen_faces`), and to send
 what that material would in the light there. What the unseen surfaces about a point send together, weighted by their
 form factors, is off by δ, and with it the light E at the point, of which they are the share u,
 

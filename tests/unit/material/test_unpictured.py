@@ -33,6 +33,55 @@ def test_black_to_the_last_level_is_no_photograph_and_takes_what_looks_the_same_
     assert np.array_equal(part[unseen.like], part[holes])
 
 
+def of_what(scan: Scan, part: np.ndarray, black: np.ndarray) -> np.ndarray:
+    """Part that each of the black faces is taken to be of."""
+    _, known = surface_colors(blackened(scan, black))
+    return part[unseen_faces(blackened(scan, black), known).like]
+
+
+def sides(scan: Scan) -> np.ndarray:
+    """Which of the six sides of a box each face is of."""
+    return np.asarray(np.unique(np.rint(scan.normals).astype(int), axis=0, return_inverse=True)[1]).reshape(-1)
+
+
+def test_half_a_wall_floor_or_ceiling_without_a_picture_is_of_its_other_half() -> None:
+    scan, _ = box_scan(cells=12)
+    side = sides(scan)
+    for number in range(6):
+        along = scan.centers[:, 0 if np.ptp(scan.centers[side == number, 0]) > 0 else 1]
+        half = (side == number) & (along < along.mean())
+        assert half.any()
+        assert np.array_equal(of_what(scan, side, half), side[half])
+
+
+def test_a_wall_of_which_no_picture_shows_anything_is_mostly_like_other_walls() -> None:
+    scan, _ = box_scan(cells=12)
+    wall = scan.normals[:, 0] > 0.9
+    upright = np.abs(scan.normals[:, 2]) < 0.5
+    taken = unseen_faces(blackened(scan, wall), ~wall).like
+    assert np.mean(upright[taken]) > 0.8
+
+
+def test_the_underside_of_a_large_board_is_like_its_top_not_like_the_ceiling() -> None:
+    scan, _ = box_scan(cells=12)
+    low, high = scan.vertices.min(axis=0), scan.vertices.max(axis=0)
+    board = box_scan(cells=12)[0]
+    size = high - low
+    vertices = low + size * (0.2, 0.2, 0.3) + (board.vertices - low) * (0.6, 0.6, 0.03 / size[2])
+    outward = board.faces[:, ::-1]
+    both = replace(
+        scan,
+        vertices=np.vstack([scan.vertices, vertices]),
+        faces=np.vstack([scan.faces, outward + len(scan.vertices)]),
+        appearance=scan.appearance.with_more(replace(board.appearance, corner_uv=board.appearance.corner_uv)),
+    )
+    is_board = np.arange(len(both.faces)) >= len(scan.faces)
+    under = is_board & (both.normals[:, 2] < -0.9)
+    assert both.areas[under].sum() > 1.0
+    taken = unseen_faces(blackened(both, np.flatnonzero(under)), ~under).like
+    assert is_board[taken].all()
+
+
 def test_of_a_scan_with_frames_what_no_frame_saw_is_unseen_and_what_is_black_is_not() -> None:
     scan, part = box_scan(cells=6)
     missed, dark = np.arange(len(part)) % 7 == 0, np.arange(len(part)) % 7 == 1
