@@ -20,6 +20,8 @@ from lidarspectra.workflow.design.points import TargetPoints
 MAX_CHANNEL_ERROR = 0.05  # [1] 95th percentile; above it the channels do not tell a quantity well enough for a target
 SHOWN_GAP = 1e-3  # [1]
 MAX_NAMED = 6
+LEVEL_M = 0.3  # [m] between heights of one plane of work, over a floor that slopes
+NAME_THOSE = "Name those that are meant by points = [...], numbered from 1 as the rows of map.csv."
 UPWARD = 0.7  # [1] cosine from which a sensor looks up, within 45 degrees
 
 
@@ -174,7 +176,7 @@ def _channel_notes(conditions: Sequence[tuple[Condition, TargetPoints]], room: R
 
 
 def _direction_notes(conditions: Sequence[tuple[Condition, TargetPoints]], places: xr.Dataset) -> list[str]:
-    """Targets at points of the run that look different ways: a desk's is then asked of sensors that look elsewhere."""
+    """Targets at points that look different ways or lie at several heights: a desk's is then asked of others too."""
     notes = []
     for name, index in {condition.target: points.index for condition, points in conditions if not points.own}.items():
         up = places["nz"].to_numpy()[index]
@@ -183,7 +185,13 @@ def _direction_notes(conditions: Sequence[tuple[Condition, TargetPoints]], place
         if len(words) > 1:
             notes.append(
                 f"The points of '{name}' look different ways ({', '.join(words)}), and the target is asked of each. "
-                "Name those that are meant by points = [...], rows of map.csv from 0."
+                + NAME_THOSE
+            )
+        height = places["z"].to_numpy()[index]
+        if np.ptp(height) > LEVEL_M:
+            notes.append(
+                f"The points of '{name}' lie at heights from {height.min():.2f} to {height.max():.2f} m, and the "
+                f"target is asked of each. {NAME_THOSE}"
             )
     return notes
 

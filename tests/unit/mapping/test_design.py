@@ -308,6 +308,7 @@ def test_a_design_by_day_says_that_it_is_of_the_run_s_moment() -> None:
 
 def test_a_target_at_points_that_look_different_ways_is_told() -> None:
     places = xr.Dataset({"buried": ("point", np.zeros(4, dtype=bool)), "nz": ("point", [1.0, 1.0, 0.0, -1.0])})
+    places["z"] = ("point", [0.75, 0.8, 0.75, 0.75])
     level = SimpleNamespace(target="desk", quantity=light_quantity("illuminance_lx"))
     room = SimpleNamespace(run_file=SimpleNamespace(lamps=()), bands=sensor_bands("as7265x-14"))
     lamps = SimpleNamespace(assumed=(), fixed=())
@@ -319,4 +320,8 @@ def test_a_target_at_points_that_look_different_ways_is_told() -> None:
 
     (note,) = notes([0, 1, 2, 3])
     assert note.startswith("The points of 'desk' look different ways (2 up, 1 down, 1 to a side)")
+    assert note.endswith("numbered from 1 as the rows of map.csv.")
     assert notes([0, 1]) == notes([2]) == notes([0, 3], own=True) == ()
+    places["z"][1] = 3.7  # the desk on the storey above
+    (note,) = notes([0, 1])
+    assert note.startswith("The points of 'desk' lie at heights from 0.75 to 3.70 m")
