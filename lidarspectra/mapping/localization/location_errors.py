@@ -32,8 +32,8 @@ class LocationErrors:
     ----------
     labels : tuple of str
         True places.
-    true_m, located_m : (reading, 2) float
-        In plan; NaN where coordinates are not known. [m]
+    true_m, located_m : (reading, axis) float
+        On the floor, in two axes or, since one storey is not another, in three; NaN where they are not known. [m]
     rank : (reading,) int
         Number of other places with at least the score of the true one; -1 where the locator does not know it.
     """
@@ -48,8 +48,8 @@ class LocationErrors:
 
     @property
     def error_m(self) -> FloatArray:
-        """(reading,) distance in plan; NaN where it is not known [m]."""
-        return np.asarray(np.hypot(*(self.located_m - self.true_m).T), dtype=np.float64)
+        """(reading,) distance; NaN where it is not known [m]."""
+        return np.asarray(np.linalg.norm(self.located_m - self.true_m, axis=1), dtype=np.float64)
 
     @property
     def has_distances(self) -> bool:
@@ -171,7 +171,7 @@ def location_errors(located: Located, table: xr.Dataset) -> LocationErrors:
     place = located.places.index(labels)
     own = table["position_m"].to_numpy()
     learned = np.where((place >= 0)[:, None], located.places.positions_m[place], np.nan)
-    true = np.where(np.isfinite(own), own, learned)[:, :2]
+    true = np.where(np.isfinite(own), own, learned)
     known = (place >= 0) | np.isfinite(true).all(axis=1)
     if not known.any():
         raise MapError(
@@ -183,7 +183,7 @@ def location_errors(located: Located, table: xr.Dataset) -> LocationErrors:
     return LocationErrors(
         labels=tuple(labels[known].tolist()),
         true_m=true[known],
-        located_m=located.positions_m[known][:, :2],
+        located_m=located.positions_m[known],
         rank=rank[known].astype(np.int64),
     )
 

@@ -199,8 +199,8 @@ def _by_place(errors: LocationErrors) -> tuple[FloatArray, FloatArray, FloatArra
     """(place, 2) true positions, (place, 2) mean of where they are put, and (place,) median error [m]."""
     labels = np.array(errors.labels)
     rows = [labels == label for label in dict.fromkeys(errors.labels)]
-    places = np.array([errors.true_m[own].mean(axis=0) for own in rows])
-    put = np.array([errors.located_m[own].mean(axis=0) for own in rows])
+    places = np.array([errors.true_m[own, :2].mean(axis=0) for own in rows])
+    put = np.array([errors.located_m[own, :2].mean(axis=0) for own in rows])
     return places, put, np.array([np.median(errors.error_m[own]) for own in rows])
 
 

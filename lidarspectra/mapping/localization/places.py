@@ -104,7 +104,7 @@ class Located:
     @property
     def spread_m(self) -> FloatArray:
         """(reading,) root mean square distance of the places from that point, with the same weights [m]."""
-        away = self.places.positions_m[None, :, :2] - self.positions_m[:, None, :2]
+        away = self.places.positions_m[None] - self.positions_m[:, None]
         squares = (np.maximum(self.scores, 0.0) * (away**2).sum(axis=2)).sum(axis=1)
         return np.asarray(np.sqrt(squares), dtype=np.float64)
 

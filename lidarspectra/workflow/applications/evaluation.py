@@ -125,7 +125,7 @@ def evaluate_run(
             where=str(measured),
             todo="'lidarspectra sensor join' turns a log of counts into such a file; or name their unit with --unit.",
         )
-    dark = dark_bands(light)
+    dark = dark_bands(light) | ~light["irradiance"].any("point").to_numpy()
     read_columns, unlit = set(columns.values()), [index for index in columns if dark[index]]
     columns = {index: name for index, name in columns.items() if not dark[index]}
     if not columns and lux is None:

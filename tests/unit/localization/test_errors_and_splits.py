@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.colors import to_hex
 
 from lidarspectra.arrays import FloatArray
@@ -15,6 +16,7 @@ from lidarspectra.mapping.localization.location_errors import (
     LocationErrors,
     clustered_mean,
     error_table,
+    location_errors,
     place_table,
 )
 from lidarspectra.mapping.localization.location_figures import (
@@ -223,3 +225,20 @@ def test_two_times_and_gains_are_drawn() -> None:
     assert to_hex(axes.lines[0].get_color()) != to_hex(axes.lines[1].get_color())
     axes = gain_curve_figure([0, 1, 2], {"greedy": [3.0, 2.0, 1.5]}, "error [m]").axes[0]
     assert np.asarray(axes.lines[0].get_ydata()).tolist() == [3.0, 2.0, 1.5]
+
+
+def test_the_right_spot_on_the_wrong_storey_is_no_hit() -> None:
+    """Two places one above the other: neither is the other, and half and half is not known to a spot."""
+    places = Places(labels=("kitchen", "attic"), positions_m=np.array([[1.0, 2.0, 0.0], [1.0, 2.0, 2.8]]))
+    scores = np.array([[0.1, 0.9], [0.5, 0.5]])
+    located = Located(scores=scores, places=places, people=np.tile([0.0, 1.0, 0.0], (2, 1)))
+    table = xr.Dataset(
+        coords={
+            "label": ("fingerprint", ["kitchen", "kitchen"]),
+            "position_m": (("fingerprint", "axis"), np.tile([1.0, 2.0, 0.0], (2, 1))),
+        }
+    )
+    found = location_errors(located, table)
+    assert found.error_m[0] == pytest.approx(2.8)
+    assert located.spread_m[1] > 1.0
+    assert error_map_figure(found).axes
