@@ -196,6 +196,20 @@ def test_the_lidar_is_held_against_the_way_to_the_image_and_to_what_lies_behind(
     assert np.nanmax(rows.behind_deep) < 0.1 + np.linalg.norm((BEHIND_M, *SIZE_M[1:]))
 
 
+def test_two_mirrors_of_one_wall_are_both_told_the_larger_first() -> None:
+    taken = _taken("matt")
+    rows, shape = taken.rows, taken.wall.depth.shape
+    small, large = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
+    small[6:18, 8:20], large[10:34, 32:52] = True, True
+    here = (small | large).ravel()[rows.square] & np.isfinite(rows.mirrored)
+    mirrored = np.where(here, 0.02 + 0.8 * rows.mirrored, rows.shown)
+    found = list(panes_of_wall(taken.wall, replace(rows, shown=mirrored)))
+    assert [pane.kind for pane in found] == ["mirror", "mirror"]
+    for pane, columns, height in zip(found, (20, 12), (24, 12), strict=True):
+        assert pane.size_m == pytest.approx((columns * CELL_M, height * CELL_M), abs=4.1 * CELL_M)
+        assert pane.reflectance == pytest.approx(0.8, abs=0.08)
+
+
 def test_a_lidar_that_goes_through_tells_without_colours() -> None:
     """Depth at the image's distance is a mirror's, other depth is glass; in the plane, it is paint."""
     taken = _taken("matt")
