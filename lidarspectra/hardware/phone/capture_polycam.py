@@ -1,7 +1,8 @@
 """Frames of Polycam, its raw data: `keyframes/images`, `cameras`, `depth`, `confidence`, and `raw.glb`.
 
 Poses are ARKit's (rows `t_00` ... `t_23`), after loop closure in `corrected_cameras`, whose pictures are undistorted
-in `corrected_images`. Exposure time and ISO, where they are exported, stand in `cameras` alone. The mesh `raw.glb` is
+in `corrected_images`; frames without one, where others have one, stand where they were thought to be before, decimetres
+away, and are left out. Exposure time and ISO, where they are exported, stand in `cameras` alone. The mesh `raw.glb` is
 turned by `alignmentTransform` of `mesh_info.json` (column-major); here the poses are turned with it, so that the scan
 has the axes of the GLB export.
 
@@ -10,6 +11,7 @@ References
 Polycam, polyform (github.com/PolyCam/polyform), README, "Polycam's data format".
 """
 
+from collections.abc import Set
 from typing import Any
 
 import numpy as np
@@ -67,13 +69,15 @@ def read_polycam(files: CaptureFiles) -> Capture:
         if name.startswith((*CAMERAS, *IMAGES)) and name.endswith((".json", ".jpg"))
     }
     turn = _alignment(files)
+    corrected = {stem for stem in stems if {f"{CAMERAS[0]}{stem}.json", f"{IMAGES[0]}{stem}.jpg"} <= files.names}
     in_order = sorted(stems, key=lambda each: (len(each), each))
-    frames, left_out = gathered(in_order, lambda stem: _frame(files, stem, turn))
+    frames, left_out = gathered(in_order, lambda stem: _frame(files, stem, turn, corrected))
     return Capture(app=APP, where=files.where, frames=frames, left_out=left_out, mesh=_mesh(files))
 
 
-def _frame(files: CaptureFiles, stem: str, turn: FloatArray) -> Frame:
-    corrected = f"{CAMERAS[0]}{stem}.json" in files.names and f"{IMAGES[0]}{stem}.jpg" in files.names
+def _frame(files: CaptureFiles, stem: str, turn: FloatArray, corrected: Set[str]) -> Frame:
+    if corrected and stem not in corrected:
+        raise FrameFault("the app did not correct its pose as it did others'")
     place = 0 if corrected else 1
     about, picture = files.read_json(f"{CAMERAS[place]}{stem}.json"), f"{IMAGES[place]}{stem}.jpg"
     plain = f"{CAMERAS[1]}{stem}.json"

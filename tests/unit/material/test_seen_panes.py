@@ -229,6 +229,17 @@ def test_a_lidar_that_goes_through_tells_without_colours() -> None:
     assert not list(panes_of_wall(taken.wall, rows))
 
 
+@pytest.mark.parametrize(("squares", "count"), [(4, 0), (12, 1)])
+def test_a_hole_of_a_hand_that_the_lidar_went_through_is_no_pane(squares: int, count: int) -> None:
+    taken = _taken("matt")
+    blank = np.full(len(taken.rows.shown), np.nan)
+    hole = np.zeros(taken.wall.depth.shape, dtype=np.bool_)
+    hole[12 : 12 + squares, 30 : 30 + squares] = True
+    deep = np.where(hole.ravel()[taken.rows.square], 2.0, taken.rows.deep)
+    rows = replace(taken.rows, mirrored=blank, behind=blank, deep=deep)
+    assert len(list(panes_of_wall(taken.wall, rows))) == count
+
+
 def _line(shown: FloatArray, predicted: FloatArray, frames: int) -> Line:
     squares = len(shown) // frames
     return Line(

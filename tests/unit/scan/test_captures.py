@@ -241,6 +241,22 @@ def test_polycams_corrected_cameras_go_with_the_exposures_of_the_plain_ones(tmp_
     assert frame.iso == 100.0
 
 
+@pytest.mark.parametrize("name", ["cameras", "images"])
+def test_a_frame_of_polycam_whose_pose_was_not_corrected_is_not_mixed_with_those_whose_was(
+    tmp_path: Path, name: str
+) -> None:
+    """Before a loop is closed a walk has drifted by decimetres; its pictures would smear what the others show."""
+    room = box_room()
+    folder = write_polycam(tmp_path / "raw", room, gray_shots(room), np.eye(4)) / "keyframes"
+    whole = [frame.name for frame in read_capture(folder.parent).frames]
+    for each in ("cameras", "images"):
+        shutil.copytree(folder / each, folder / f"corrected_{each}")
+    sorted((folder / f"corrected_{name}").iterdir())[1].unlink()
+    capture = read_capture(folder.parent)
+    assert [frame.name for frame in capture.frames] == [whole[0], *whole[2:]]
+    assert "did not correct its pose" in reasons(capture)[whole[1]]
+
+
 def test_broken_frames_are_left_out_by_name_and_the_others_stay(copied: Path) -> None:
     (copied / "frame_00001.json").unlink()
     about = json.loads((copied / "frame_00002.json").read_text())
