@@ -157,6 +157,8 @@ def test_a_pane_that_is_flat_in_the_mesh_is_told_where_it_is_with_its_share(what
     told = found.reflectance if what == "mirror" else found.transmittance
     assert told == pytest.approx(share, abs=0.08)  # faces of one colour, blurred by two degrees
     assert (found.transmittance is None) == (what == "mirror")
+    assert ("as the room's image in it would, with a reflectance of" in found.why) == (what == "mirror")
+    assert ("as what lies behind it would, with a transmittance of" in found.why) == (what == "glass")
 
 
 @pytest.mark.parametrize("what", ["matt", "gloss", "brushed", "dusty"])
@@ -226,6 +228,15 @@ def test_a_lidar_that_goes_through_tells_without_colours() -> None:
         assert found.size_m == pytest.approx((20 * CELL_M, 16 * CELL_M), abs=2.1 * CELL_M)
         assert found.reflectance is None
         assert found.transmittance is None
+    assert not list(panes_of_wall(taken.wall, rows))
+
+
+def test_a_spot_of_a_hand_that_shows_the_room_is_no_mirror() -> None:
+    taken = _taken("matt")
+    spot = np.zeros(taken.wall.depth.shape, dtype=np.bool_)
+    spot[12:19, 30:37] = True  # .12 m², which would be told if it were larger
+    here = spot.ravel()[taken.rows.square] & np.isfinite(taken.rows.mirrored)
+    rows = replace(taken.rows, shown=np.where(here, 0.02 + 0.8 * taken.rows.mirrored, taken.rows.shown))
     assert not list(panes_of_wall(taken.wall, rows))
 
 
