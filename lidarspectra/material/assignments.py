@@ -33,7 +33,12 @@ from lidarspectra.material.material_map import Material, MaterialMap, Provenance
 from lidarspectra.material.pane_materials import OF_PANE
 from lidarspectra.material.part_materials import SOURCE
 from lidarspectra.spectra.colorimetry import decode_srgb, hex_color, linear_srgb_to_lab
-from lidarspectra.spectra.reflectance_library import MAX_REFLECTANCE, Reflectance, ReflectanceLibrary
+from lidarspectra.spectra.reflectance_library import (
+    MAX_REFLECTANCE,
+    VISIBLE_NM,
+    Reflectance,
+    ReflectanceLibrary,
+)
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.spectra.spectrum_files import finite_number, read_spectrum_file, read_text
 
@@ -42,7 +47,6 @@ ALL_GROUPS = "*"
 AS_ESTIMATED = ("recovered", f"{SOURCE}:", OF_PANE)
 OF_PERCENT = re.compile(r"%|percent", re.IGNORECASE)  # in the heading of a spectrum file
 PERCENT = 100.0
-VISIBLE_NM = (380.0, 780.0)  # [nm] in some of which a reflectance must be known
 _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
 SURFACE_COLUMNS = ("specularity", "roughness", "transmittance")
 

@@ -94,6 +94,14 @@ def import_spectraldb(file: Path) -> ImportSummary:
         if row.id in rows:
             raise DatabaseError(expected="each ID once", found=f"'{row.id}' again", where=f"{file}, row {number}")
         rows[row.id] = row
+    highest = max((float(row.spectrum.values.max()) for row in rows.values()), default=1.0) * PERCENT
+    if highest <= 1.0:
+        raise DatabaseError(
+            expected="reflectances in percent, as spectraldb.com gives them",
+            found=f"none above {highest:g}",
+            where=str(file),
+            todo="Multiply fractions by 100, or name a table of your own under databases (docs/run-file.md).",
+        )
     cut = [row.id for row in rows.values() if row.properties.get("matching") == "no"]
     diffuse = sum("SCE" in row.properties.get("note", "") for row in rows.values())
     notes = (

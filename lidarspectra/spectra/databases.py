@@ -30,7 +30,7 @@ from lidarspectra.spectra.database_files import (
     user_folder,
 )
 from lidarspectra.spectra.database_import import ImportSummary, import_lspdd, import_spectraldb
-from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM, Reflectance, ReflectanceLibrary
+from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM, VISIBLE_NM, Reflectance, ReflectanceLibrary
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.spectra.spectrum_files import TableRow, finite_number, read_spectrum_file
 
@@ -198,15 +198,41 @@ def load_reflectances(
                 todo="Import it first ('lidarspectra databases import spectraldb FILE'), or name a .csv table.",
             )
         for database, path in paths:
-            rows += [_reflectance(database, row, path) for row in table(path)]
+            found = [_reflectance(database, row, path) for row in table(path)]
+            _refuse_invisible(found, path)
+            rows += found
             hashes.append(hash_file(path))
     return ReflectanceLibrary(rows=tuple(rows), weights=tristimulus_table(), sha256=tuple(hashes))
 
 
-def _reflectance(database: str, row: TableRow, path: Path) -> Reflectance:
-    def fraction(name: str) -> float:
-        return finite_number(row.properties.get(name, "0"), where=f"{path}, id {row.id}, column {name}")
+def _refuse_invisible(rows: Sequence[Reflectance], path: Path) -> None:
+    """Refuse a table none of whose surfaces was measured in visible light: its wavelengths are in another unit."""
+    if not rows:
+        return  # refused where the library is put together
+    low, high = min(row.range_nm[0] for row in rows), max(row.range_nm[1] for row in rows)
+    if low > VISIBLE_NM[1] or high < VISIBLE_NM[0]:
+        raise DatabaseError(
+            expected=f"reflectances of visible light, {VISIBLE_NM[0]:g} to {VISIBLE_NM[1]:g} nm",
+            found=f"{low:g} to {high:g}",
+            where=str(path),
+            todo="Wavelengths are in nm: multiply micrometres by 1000, divide ångström by 10.",
+        )
 
+
+def _reflectance(database: str, row: TableRow, path: Path) -> Reflectance:
+    where = f"{path}, id {row.id}"
+
+    def fraction(name: str) -> float:
+        place = f"{where}, column {name}"
+        number = finite_number(row.properties.get(name, "0"), where=place)
+        if not 0.0 <= number <= 1.0:
+            raise DatabaseError(expected="0 to 1", found=f"{number:g}", where=place)
+        return number
+
+    low, high = row.spectrum.range_nm
+    kind = row.properties.get("kind", "plastic").casefold()
+    if kind not in ("plastic", "metal"):
+        raise DatabaseError(expected="plastic or metal", found=f"'{kind}'", where=f"{where}, column kind")
     return Reflectance(
         database=database,
         id=row.id,
@@ -214,10 +240,12 @@ def _reflectance(database: str, row: TableRow, path: Path) -> Reflectance:
         category=row.category,
         spectrum=row.spectrum,
         provenance=row.properties.get("provenance", "measured"),
-        kind=row.properties.get("kind", "plastic"),
+        kind=kind,
         specularity=fraction("specularity"),
         roughness=fraction("roughness"),
-        matchable=row.properties.get("matching", "yes") != "no",
+        matchable=row.properties.get("matching", "yes").casefold() != "no"
+        and low <= VISIBLE_NM[1]
+        and high >= VISIBLE_NM[0],
         note=row.properties.get("note", ""),
     )
 

@@ -12,6 +12,8 @@ from lidarspectra.spectra.colorimetry import xyz_to_lab, xyz_to_linear_srgb
 from lidarspectra.spectra.spectrum import Spectrum
 
 MAX_REFLECTANCE = 0.99  # above it interreflections converge too slowly; at 1.0, in a closed room, not at all
+MAX_FLUORESCENT = 1.5  # [1] of white paper in light with ultraviolet, and of no surface in per cent
+VISIBLE_NM = (380.0, 780.0)  # [nm] in some of which a reflectance must be known
 COLOR_GRID_NM = np.arange(360.0, 780.1, 5.0)  # [nm] colours are integrated here (CIE 15:2018, 7.1.1: 5 nm suffices)
 
 
@@ -58,7 +60,11 @@ class Reflectance:
                 expected=f"a reflectance from 0 to {MAX_REFLECTANCE}, as a fraction",
                 found=f"{values.min():g} to {values.max():g}",
                 where=self.key,
-                todo="Divide percent by 100; import the database again.",
+                todo="Write a spectrometer's noise below 0 as 0."
+                if values.min() < 0
+                else "Divide percent by 100."
+                if values.max() > MAX_FLUORESCENT
+                else f"Cut it at {MAX_REFLECTANCE}: more is fluorescence, or an error of the measurement.",
             )
 
     @property

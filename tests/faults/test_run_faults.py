@@ -323,16 +323,24 @@ def test_a_run_moved_away_from_its_run_file_goes_on_with_out(
     assert list(plan(run_file, away).values()) == ["up to date"] * 6 + ["to be made"]
 
 
-def test_a_database_that_changes_between_runs_makes_what_depends_on_it_again(
+def test_a_database_that_changes_between_runs_makes_what_names_it_again_and_nothing_else(
     cut_before: Callable[[StageName], Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     from lidarspectra.spectra.databases import import_lspdd
 
+    def bring(number: int) -> None:
+        lamp = {"id": number, "cct": 3000, "spectraldata": "nm,power\n400,0.1\n500,0.2\n700,0.3\n"}
+        (tmp_path / f"{number}.json").write_text(json.dumps(lamp), encoding="utf-8")
+        import_lspdd([tmp_path / f"{number}.json"])
+
     monkeypatch.setenv("LIDARSPECTRA_DATA", str(tmp_path / "data"))
     run_file = cut_before("report")
-    lamp = {"id": 1, "cct": 3000, "spectraldata": "nm,power\n400,0.1\n500,0.2\n700,0.3\n"}
-    (tmp_path / "1.json").write_text(json.dumps(lamp), encoding="utf-8")
-    import_lspdd([tmp_path / "1.json"])
+    bring(1)
+    assert list(plan(run_file).values()) == ["up to date"] * 6 + ["to be made"]  # its lamps are of no import
+    text = run_file.read_text(encoding="utf-8")
+    run_file.write_text(text.replace('"LED-B3"', '"LSPDD:1"'), encoding="utf-8")
+    run(run_file, last="map")
+    bring(2)
     # The map reads lamps again; light that they send as before is not traced again.
     assert list(plan(run_file).values()) == ["up to date"] * 5 + ["to be made"] * 2
 

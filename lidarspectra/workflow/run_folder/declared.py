@@ -9,7 +9,7 @@ cover it: a stage that tells it declares it by its own name ("lamps.assumed"); o
 
 import json
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -25,7 +25,7 @@ from lidarspectra.io.toml_sections import Section
 from lidarspectra.material.assignments import spectrum_files
 from lidarspectra.material.segmentation.model_card import CARD_SUFFIX
 from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL
-from lidarspectra.spectra.databases import list_databases
+from lidarspectra.spectra.databases import BUILTIN, list_databases
 from lidarspectra.workflow.run_folder.workspace import MARKER_FILE, StageRecord, StageResult, is_of_this_version
 
 GLB = ".glb"
@@ -110,7 +110,7 @@ def declare(
         Dotted names ("trace.noise"); a section's name covers all its keys but `assumed`. Files that these keys name
         are hashed too.
     databases : iterable of str
-        Kinds of databases.
+        Kinds of databases. Of imported ones those count that the run file names: to import another one changes nothing.
     stages : iterable of StageResult
         Before it.
     others : mapping, optional
@@ -133,7 +133,11 @@ def declare(
     settings = {
         "run_file": {key: _json(_value(run_file, key)) for key in sorted(keys)},
         "files": of_files,
-        "databases": {name: digest for kind in databases for name, digest in database_hashes(kind).items()},
+        "databases": {
+            name: digest
+            for kind in databases
+            for name, digest in database_hashes(kind, _databases_named(run_file, kind)).items()
+        },
         "model": {SHIPPED_MODEL.name: hash_file(SHIPPED_MODEL)} if uses_shipped else {},
         "stages": {result.record.stage: result.contents() for result in stages},
         **(others or {}),
@@ -142,9 +146,31 @@ def declare(
     return Declared(run_file=given, base=base, settings=settings)
 
 
-def database_hashes(kind: str) -> dict[str, str]:
-    """SHA-256 of every database file of a kind, computed from the file rather than taken from the manifest."""
-    return {f"{file.database}/{file.path.name}": hash_file(file.path) for file in list_databases() if file.kind == kind}
+def database_hashes(kind: str, names: Collection[str] | None = None) -> dict[str, str]:
+    """SHA-256 of every database file of a kind, computed from the file rather than taken from the manifest.
+
+    Parameters
+    ----------
+    kind : str
+    names : collection of str, optional
+        Databases that count, in lower case; all by default.
+    """
+    return {
+        f"{file.database}/{file.path.name}": hash_file(file.path)
+        for file in list_databases()
+        if file.kind == kind and (names is None or file.database.casefold() in names)
+    }
+
+
+def _databases_named(run_file: RunFile, kind: str) -> Collection[str] | None:
+    """Databases of a kind that a run file's names can be of, the built-in ones among them; None where any may be."""
+    if kind == "reflectance":
+        return {name.casefold() for name in (BUILTIN, *run_file.materials.databases)}
+    if kind == "lamps":
+        found = run_file.lamps_from_scan
+        spectra = [lamp.spectrum or "" for lamp in run_file.lamps] + ([found.spectrum or ""] if found else [])
+        return {BUILTIN, *(name.strip().casefold().partition(":")[0] for name in spectra)}
+    return None
 
 
 def changed_keys(run_file: RunFile, record: StageRecord, *, but: Iterable[str] = ()) -> tuple[str, ...]:

@@ -167,3 +167,45 @@ def test_the_real_lspdd_lamps_are_read(shared):
     files = sorted((shared / "lamps" / "lspdd").glob("*.json"))
     assert import_lspdd(files).count == len(files) == 8
     assert "BR30" in show_spectrum("lspdd:2469").spectrum.name
+
+
+def test_fractions_are_no_percent(tmp_path: Path) -> None:
+    with pytest.raises(DatabaseError, match=r"percent.*none above 0\.8.*Multiply fractions by 100"):
+        import_spectraldb(table(tmp_path, '1,Wall,Wall,Plastic,0,0,"{400: 0.7, 700: 0.8}",'))
+
+
+def own_table(tmp_path: Path, text: str) -> list[str]:
+    (tmp_path / "own.csv").write_text(text, encoding="utf-8")
+    return [str(tmp_path / "own.csv")]
+
+
+@pytest.mark.parametrize("wavelengths", ["0.4,0.5,0.7", "4000,5000,7000"])
+def test_a_table_of_wavelengths_in_another_unit_is_refused(tmp_path: Path, wavelengths: str) -> None:
+    """Its surfaces would have the value of an end at all visible wavelengths."""
+    names = own_table(tmp_path, f"id,name,category,{wavelengths}\nx,Wall,painted,0.4,0.5,0.6\n")
+    with pytest.raises(DatabaseError, match=r"visible light.*micrometres by 1000"):
+        load_reflectances(names)
+
+
+def test_a_surface_measured_in_the_infrared_alone_is_matched_to_no_colour(tmp_path: Path) -> None:
+    names = own_table(tmp_path, "id,name,category,400,700,900,1000\na,A,painted,.4,.5,,\nb,B,painted,,,.4,.5\n")
+    assert [row.matchable for row in load_reflectances(names).rows] == [True, False]
+
+
+def test_kinds_are_read_whatever_their_capitals_and_others_refused(tmp_path: Path) -> None:
+    heading = "id,name,category,kind,matching,specularity,400,700\n"
+    (metal,) = load_reflectances(own_table(tmp_path, heading + "a,A,metal,Metal,No,0.9,.6,.6\n")).rows
+    assert metal.kind == "metal"
+    assert not metal.matchable
+    with pytest.raises(DatabaseError, match=r"id a, column kind.*plastic or metal.*'glas'"):
+        load_reflectances(own_table(tmp_path, heading + "a,A,glass,glas,yes,0,.06,.06\n"))
+    with pytest.raises(DatabaseError, match=r"column specularity.*0 to 1"):
+        load_reflectances(own_table(tmp_path, heading + "a,A,painted,plastic,yes,5,.06,.06\n"))
+
+
+@pytest.mark.parametrize(
+    ("values", "todo"), [("40,50", "Divide percent"), ("-0.01,0.5", "noise below 0"), ("0.9,1.1", "Cut it at 0.99")]
+)
+def test_reflectances_that_cannot_be_are_refused_with_what_helps(tmp_path: Path, values: str, todo: str) -> None:
+    with pytest.raises(DatabaseError, match=todo):
+        load_reflectances(own_table(tmp_path, f"id,name,category,400,700\nx,Wall,painted,{values}\n"))
