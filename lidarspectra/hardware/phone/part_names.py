@@ -32,6 +32,9 @@ KIND_WORDS: dict[str, tuple[str, ...]] = {
 }  # words of names; the kinds are RoomPlan's categories, those that scatter light alike together
 AIR = "opening"  # kind of a part that is no surface
 ROOM_KIND = "wall"  # names count only in a file that names walls: 'Object_2' alone says nothing
+GLASS_WORDS = ("glass", "glazing", "glazed")  # a wall or door of it reflects as a window does
+GLASS_NAMES = ("curtain wall",)  # of facades
+LAMP_WORDS = ("lamp", "lamps", "light", "lights", "lighting", "luminaire", "chandelier", "pendant")
 _KIND_OF_WORD = {word: kind for kind, words in KIND_WORDS.items() for word in words}
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
@@ -43,7 +46,7 @@ def part_kind(names: Iterable[str | None]) -> str:
     ----------
     names : iterable of str or None
         The part's own name first. The last word of a name that names a kind counts: 'Wall_0_grp' is a wall's group,
-        'WallCabinet' a cabinet.
+        'WallCabinet' a cabinet. A 'FloorLamp' is no floor, and of no kind; a 'GlassWall' is as a window.
 
     Returns
     -------
@@ -51,9 +54,15 @@ def part_kind(names: Iterable[str | None]) -> str:
         One of `KIND_WORDS`; empty where no name has such a word.
     """
     for name in names:
-        found = [_KIND_OF_WORD[word] for word in _words(name or "") if word in _KIND_OF_WORD]
-        if found:
-            return found[-1]
+        words = _words(name or "")
+        kinds = [number for number, word in enumerate(words) if word in _KIND_OF_WORD]
+        if not kinds:
+            continue
+        if any(word in LAMP_WORDS for word in words[kinds[-1] + 1 :]):
+            return ""
+        kind = _KIND_OF_WORD[words[kinds[-1]]]
+        of_glass = any(word in GLASS_WORDS for word in words) or any(each in " ".join(words) for each in GLASS_NAMES)
+        return "window" if of_glass and kind in ("wall", "door") else kind
     return ""
 
 

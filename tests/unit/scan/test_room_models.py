@@ -210,6 +210,13 @@ def test_kinds_survive_repair_decimation_and_the_disk(tmp_path: Path) -> None:
         (("WasherDryer0",), "appliance"),
         (("TV",), "screen"),
         (("Wallpaper",), ""),
+        (("wall_glass_02",), "window"),
+        (("GlassDoor", "Walls"), "window"),
+        (("IfcCurtainWall_7",), "window"),
+        (("GlassTable",), "table"),
+        (("FloorLamp", "Floor"), ""),
+        (("ceiling_light_3",), ""),
+        (("LightGreyWall",), "wall"),
         ((None, "Mesh", "Floored"), ""),
     ],
 )
