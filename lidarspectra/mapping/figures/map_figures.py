@@ -37,7 +37,7 @@ from lidarspectra.mapping.figures.plan_drawing import (
     draw_panel_legend,
     draw_points,
     legend_handles,
-    level_words,
+    plane_words,
 )
 from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.interpolation import Method, map_planes, plan_places
@@ -113,7 +113,7 @@ def maps_figure(
     if scale != "shape":
         what = ["spectral irradiance", f"[{irradiance_unit(prefix)}]"]
     number_words = f"{len(shown)} of {checked.sizes['band']} bands" if len(shown) < checked.sizes["band"] else ""
-    what += filter(None, [level_words(plan), number_words])
+    what += filter(None, [plane_words(plan, checked, chosen), number_words])
     words = "\n".join(what)
     if scale != "panel":
         draw_colorbar(figure, layout.shared_box(), shared, colors, label=f"{what[0]} {', '.join(what[1:])}")
@@ -157,7 +157,7 @@ def error_figure(
     draw_field(axes, plan, grid, 0, norm, ERROR_MAP)
     draw_points(axes, checked, chosen, per_point if grid is None else None, norm, ERROR_MAP)
     draw_frame(axes, plan, left=True, bottom=True)
-    axes.set_title(", ".join(filter(None, ["mean over bands", level_words(plan)])), pad=4.0)
+    axes.set_title(", ".join(filter(None, ["mean over bands", plane_words(plan, checked, chosen)])), pad=4.0)
     _legend_below(figure, legend_handles(checked, plan, unknown=has_unknown(grid, plan)))
     label = "standard error [% of the band's mean]"
     draw_colorbar(figure, (0.7 + width, up + 0.05 * height, 0.12, 0.9 * height), norm, ERROR_MAP, label=label)
@@ -189,7 +189,7 @@ def illuminance_figure(
     draw_points(axes, checked, chosen, illuminance_lx if grid is None else None, norm, LIGHT_MAP)
     draw_frame(axes, plan, left=True, bottom=True)
     draw_colorbar(figure, bar, norm, LIGHT_MAP, label="illuminance [lx]")
-    axes.set_title(", ".join(filter(None, ["illuminance", level_words(plan)])), pad=4.0)
+    axes.set_title(", ".join(filter(None, ["illuminance", plane_words(plan, checked, chosen)])), pad=4.0)
     _legend_below(figure, legend_handles(checked, plan, unknown=has_unknown(grid, plan)))
     return figure
 

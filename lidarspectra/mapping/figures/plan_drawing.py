@@ -35,6 +35,7 @@ FURNITURE_COLOR = "#8a8f96"
 UNKNOWN: dict[str, Any] = {"facecolor": "#c3c7cb", "edgecolor": "#8a8f96", "hatch": "////", "linewidth": 0.0}
 PANE_COLORS: dict[PaneKind, str] = {"glass": "#0072b2", "mirror": "#009e73", "screen": "#cc79a7"}
 HALO: list[AbstractPathEffect] = [Stroke(linewidth=2.4, foreground="white", alpha=0.85), Normal()]  # dark on any ground
+UPWARDS = 0.99  # [1] cosine, of the angle between a map's direction and up
 MIN_LAMP_M = 0.06  # [m] a smaller bulb would not be seen
 
 
@@ -140,9 +141,14 @@ def draw_colorbar(
         bar.set_label(label)
 
 
-def level_words(plan: FloorPlan) -> str:
-    """Height of a plan's maps above the floor; empty where the plan does not know it."""
-    return "" if plan.air is None else f"{plan.air.height_m:.2f} m above the floor"
+def plane_words(plan: FloorPlan, dataset: "xr.Dataset", chosen: IntArray) -> str:
+    """Height of a map above the floor, where the plan knows it, and where its points look, unless it is up."""
+    height = "" if plan.air is None else f"{plan.air.height_m:.2f} m above the floor"
+    way = np.stack([dataset[axis].to_numpy()[chosen] for axis in ("nx", "ny", "nz")], axis=1).mean(axis=0)
+    if way[2] >= UPWARDS:
+        return height
+    along = f"along ({', '.join(f'{part + 0.0:.2g}' for part in way)})"
+    return ", ".join(filter(None, [height, f"looking {'down' if way[2] <= -UPWARDS else along}"]))
 
 
 def legend_handles(dataset: "xr.Dataset", plan: FloorPlan, *, unknown: bool) -> list[Line2D | Patch]:

@@ -23,7 +23,7 @@ from lidarspectra.mapping.figures.map_figures import (
 )
 from lidarspectra.mapping.figures.material_figures import light_figure, segmentation_figure
 from lidarspectra.mapping.maps.assumptions import assumptions_of
-from lidarspectra.mapping.maps.interpolation import leave_one_out, map_planes
+from lidarspectra.mapping.maps.interpolation import grid_map, leave_one_out, map_planes
 from lidarspectra.mapping.maps.light_unknowns import error_bars, uncertainty_in_words
 from lidarspectra.mapping.maps.map_schema import dark_bands, kept_points
 from lidarspectra.mapping.photometry import covers_vision, illuminance, illuminance_from_map
@@ -383,9 +383,13 @@ def _missed_words(report: ReportInput) -> str:
 
 def _interpolation_words(dataset: xr.Dataset) -> str:
     try:
-        error = leave_one_out(dataset, most=TESTED_POINTS)
+        grid_map(dataset)
     except MapError:
         return "There are too few points for an interpolated map, or they lie on one line: only the points are drawn."
+    try:
+        error = leave_one_out(dataset, most=TESTED_POINTS)
+    except MapError:
+        return "No point lies among others on all sides, so that nothing tells how far the map between them is off."
     percent = two_digits(error.median_percent)
     return f"A point predicted from its neighbours alone is off by {percent} % (median over points)."
 

@@ -541,3 +541,14 @@ def test_maps_of_points_have_the_house_style_and_plain_thousands_beside_them(pla
     assert map_axes.title.get_fontsize() == STYLE["axes.titlesize"]
     figure.canvas.draw()
     assert "2000" in [label.get_text() for label in bar.get_yticklabels()]
+
+
+@pytest.mark.parametrize(
+    ("way", "words"), [((0, 0, 1), ""), ((0, 0, -1), "looking down"), ((0, 1, 0), "looking along (0, 1, 0)")]
+)
+def test_a_map_says_where_its_points_look_unless_it_is_up(plan, make_transport, way, words):
+    one_map = spectral_map(make_transport(points=25))
+    look = zip(("nx", "ny", "nz"), way, strict=True)
+    turned = one_map.assign_coords({n: ("point", np.full(25, float(part)), one_map[n].attrs) for n, part in look})
+    title = illuminance_figure(turned, plan, turned["illuminance"].to_numpy()).axes[0].get_title()
+    assert title == ", ".join(filter(None, ["illuminance", words]))

@@ -17,6 +17,7 @@ from lidarspectra.mapping.figures.figure_style import new_figure
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report import report_writer
 from lidarspectra.mapping.report.report import ReportInput, ReportView, StageRow, write_report
+from lidarspectra.mapping.report.report_sections import maps_section
 from lidarspectra.mapping.report.report_tables import materials_table
 from lidarspectra.mapping.report.report_writer import ReportWriter
 from lidarspectra.workflow.report.report_of_run import kept_svg
@@ -369,3 +370,13 @@ def test_the_illuminance_map_s_uniformity_is_of_the_points_that_it_shows(make_tr
     said = re.search(r"the minimum over the mean at the 173 points of this level and direction, is (0\.\d+)", text)
     assert said is not None
     assert float(said.group(1)) == pytest.approx(lux.min() / lux.mean(), abs=0.05)  # from bands alone
+
+
+OFF_BY = {25: "is off by", 4: "nothing tells how far the map between them is off", 3: "only the points are drawn"}
+
+
+@pytest.mark.parametrize("points", OFF_BY)
+def test_the_maps_caption_says_what_is_drawn_and_how_far_it_may_be_off(make_transport, make_report, tmp_path, points):
+    """Four corners span a map, but none of them lies between others, so that its error cannot be tried."""
+    words = maps_section(make_report(make_transport(points=points)), ReportWriter(tmp_path))
+    assert [each for each in OFF_BY.values() if each in words] == [OFF_BY[points]]
