@@ -17,6 +17,7 @@ from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.radiance.scene.daylight import Window, daylight_lamps
 from lidarspectra.radiance.scene.sky import ALTITUDES_DEG, AZIMUTHS_DEG, SKY_WAVELENGTHS_NM, Sky
 from lidarspectra.radiance.scene.sky_patches import SkyPatches, patch_geometry
+from lidarspectra.spectra.spectrum import sensor_bands
 from lidarspectra.workflow.applications import week_of_run
 from lidarspectra.workflow.applications.annual import (
     _calibrated_windows,
@@ -24,6 +25,7 @@ from lidarspectra.workflow.applications.annual import (
     _glass_notes,
     _hour_at,
     annual_daylight,
+    channel_notes,
     clear_windows,
 )
 from lidarspectra.workflow.room_model import RoomModel
@@ -189,3 +191,9 @@ def test_a_schedule_of_lamps_that_the_run_dims_says_what_1_is(tmp_path: Path) ->
         notes = dimmed_notes(tmp_path)
         assert bool(notes) == told
         assert all("dims 'a' to 0.4, and" in note for note in notes)
+
+
+def test_channels_beyond_computed_daylight_are_told_and_no_others() -> None:
+    (note,) = channel_notes(sensor_bands("as7265x-18"))
+    assert "up to 800 nm: the maps' 810, 860, 900, 940 nm lack" in note
+    assert channel_notes(sensor_bands("as7265x-14")) == ()

@@ -16,6 +16,7 @@ from lidarspectra.config import DaylightSection, RunFile
 from lidarspectra.errors import RunFileError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.lamps.lamp_spectra import unknown_channels
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Window as WindowShape
 from lidarspectra.mapping.figures.floor_plan import floor_plan
@@ -156,6 +157,7 @@ def annual_daylight(
         *_calibration_notes(inputs.run_file),
         *placed.notes,
         *_glass_notes(summary, transport, placed.windows),
+        *(channel_notes(bands) if maps else ()),
     )
     with writing_run(out):
         save_transport(_for_file(transport), out / TRANSPORT_FILE)
@@ -402,6 +404,18 @@ def _glass_notes(summary: RunSummary, transport: xr.Dataset, windows: Sequence[W
         f"At {int(behind.sum())} of {len(places)} points glass in the room stands before a window. What comes straight "
         "from sky and sun is left out behind it, so that these points, their sDA and ASE come out too low; what the "
         "room reflects passes. Judge them by 'lidarspectra run' at single moments.",
+    )
+
+
+def channel_notes(bands: BandSet) -> tuple[str, ...]:
+    """A note on channels of an hour's map that daylight, as it is computed, does not reach."""
+    daylight = sky_spectrum(np.ones(SKY_WAVELENGTHS_NM.size), "daylight")
+    missing = np.array(bands.labels)[unknown_channels(daylight, bands)].tolist()
+    if not missing:
+        return ()
+    return (
+        f"Daylight is computed up to {daylight.range_nm[1]:g} nm: the maps' {', '.join(missing)} nm lack what comes "
+        "beyond, and are no darkness.",
     )
 
 
