@@ -45,6 +45,8 @@ def relight(
     answer = answer_table(relit.before, relit.after, light)
     for table in (lamps_table(relit.lamps, relit.lamps_now), channels_table(relit.before, relit.after, light), answer):
         console.print(shown(table))
+    for note in relit.notes:
+        print_note(note)
     _print_notes(light)
     for path in (*save_relit(light, scenario.folder), *save_table(answer, scenario.folder)):
         say(str(path))

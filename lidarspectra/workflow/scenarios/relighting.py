@@ -26,6 +26,7 @@ from lidarspectra.spectra.spectrum import BandSet, Spectrum
 from lidarspectra.workflow.run_folder.assumed import assumptions_of_run
 from lidarspectra.workflow.run_folder.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
 from lidarspectra.workflow.run_folder.workspace import current_stage, require_stage, writing_run
+from lidarspectra.workflow.trace_notes import beyond_notes
 
 OFF = 1e-9  # [1] of its flux that a lamp sends which is off: a lamp without any is none
 
@@ -71,6 +72,8 @@ class RelitRun:
         Of the run.
     lamps_now : tuple of (str, float, float)
         Of each lamp now: its spectrum's name, its full flux [lm], its dimming [1].
+    notes : tuple of str
+        What new spectra do not tell, as full sentences.
     """
 
     light_map: xr.Dataset
@@ -78,6 +81,7 @@ class RelitRun:
     after: PointLight
     lamps: tuple[Lamp, ...]
     lamps_now: tuple[tuple[str, float, float], ...]
+    notes: tuple[str, ...]
 
 
 def relight_run(
@@ -139,6 +143,7 @@ def relit_run(run: str | PathLike[str], orders: Sequence[LampOrder], *, base: st
         after=light_of_lamps(_with_fluxes(transport, changes, now, bands), now, dims),
         lamps=tuple(lamps.values()),
         lamps_now=tuple((now[name].name, luminous_flux_lm(now[name]), dims[name]) for name in lamps),
+        notes=beyond_notes([replace(lamps[name], flux=now[name]) for name in recoloured if dims[name] > 0], bands),
     )
 
 

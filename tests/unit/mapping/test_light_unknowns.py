@@ -293,3 +293,21 @@ def test_a_damaged_file_is_told(tmp_path):
     (tmp_path / UNKNOWNS_FILE).write_bytes(b"no")
     with pytest.raises(MapError, match="map stage"):
         load_unknowns(tmp_path)
+
+
+def test_a_new_spectrum_that_ends_in_light_is_told_and_uncertain_beyond(exact, lamps, monkeypatch, tmp_path):
+    path = tmp_path / "to-700.csv"
+    path.write_text("wavelength_nm,relative\n380,0\n400,0.3\n700,1\n", encoding="utf-8")
+    stands = {
+        "transport_of_run": exact, "present_lamps_of_run": lamps, "current_stage": "map",
+        "scene_of_run": SimpleNamespace(bands=sensor_bands("as7265x-14")), "load_unknowns": unknowns(known_but()),
+        "assumptions_of_run": Assumptions(),
+    }  # fmt: skip
+    for name, value in stands.items():
+        monkeypatch.setattr(relighting, name, lambda *_, value=value: value)
+    relit = relighting.relit_run("run", [LampOrder(lamp="panel 1", spectrum=str(path))])
+    (note,) = relit.notes
+    assert note.startswith("The light of 'panel 1' is known from 380 to 700 nm and does not end there")
+    assert "705, 730, 760 nm" in note
+    assert (relit.light_map["irradiance_sd"][:, -1] > 0).all()
+    assert relighting.relit_run("run", [LampOrder(lamp="panel 1", dim=0.5)]).notes == ()
