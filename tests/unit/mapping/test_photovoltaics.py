@@ -384,6 +384,22 @@ def test_channels_tell_a_current_within_their_stated_uncertainty():
     assert 0.005 < np.median(spread / density) < 0.06
 
 
+@pytest.mark.parametrize("device", ["as7265x-14", "as7265x-18"])
+def test_current_by_light_that_no_channel_sees_is_within_the_stated_uncertainty(device):
+    """Under a bulb silicon has seventy per cent of its current from beyond 790 nm, and seventeen from beyond 970 nm."""
+    ensemble, bands, cell = indoor_spectra(surfaces=4), sensor_bands(device), find_cell("silicon")
+    grid = np.arange(300.0, 1101.0)
+    for kelvin in (2400.0, 2700.0, 3400.0):
+        bulb = cct_spectrum(kelvin)
+        truth = np.trapezoid(bulb.at(grid, outside="zero") * cell.responsivity.at(grid, outside="zero"), grid)
+        read = bands.band_values(bulb, outside="zero")[None]
+        for kind in ("incandescent", None):
+            density, spread = current_from_channels(read, 0.0 * read, bands, cell, ensemble, lamp_kind=kind)
+            assert abs(density[0] - truth) < 2.5 * spread[0]
+    led = current_from_channels(read, 0.0 * read, bands, cell, ensemble, lamp_kind="led")
+    assert led[1][0] < 0.2 * led[0][0]
+
+
 def test_a_fitted_curve_tells_later_counts_of_a_cell():
     generator = np.random.default_rng(4)
     shape = generator.uniform(0.5, 2.0, (3, WAVELENGTHS.size))
