@@ -525,7 +525,7 @@ def map_stage(
         save_map(light_map, folder / MAP_FILE)
         save_map_table(light_map, folder / MAP_TABLE_FILE)
         return Notes(
-            summary=f"{light_map.sizes['band']} channels x {counted(light_map.sizes['point'], 'point')}; "
+            summary=f"{counted(light_map.sizes['band'], 'channel')} x {counted(light_map.sizes['point'], 'point')}; "
             + levels_in_words(light_map)
             + (f" {words}" if (words := uncertainty_in_words(light_map.attrs)) else "")
             + (f"; assumed: {words}" if (words := assumed.in_words()) else ""),

@@ -55,7 +55,8 @@ def levels_in_words(light_map: xr.Dataset) -> str:
     mean = kept["irradiance"].mean("point").to_numpy()
     dark = dark_bands(kept)
     lit = mean[~dark]
-    words = f"mean {float(lit.min()):.3g} to {float(lit.max()):.3g} W/m²/nm"
+    span = (f"{float(end):.3g}" for end in (lit.min(), lit.max())[: lit.size])
+    words = f"mean {' to '.join(span)} W/m²/nm"
     if dark.any():
         words += f", next to none in {', '.join(map(str, light_map['band_label'].to_numpy()[dark]))} nm"
     return words + (f", {float(kept['illuminance'].mean()):.0f} lx" if "illuminance" in light_map else "")

@@ -54,6 +54,7 @@ def test_levels_are_those_of_channels_with_light_and_of_points_in_the_air(make_t
     light["irradiance"][:, -1] = 4e-83
     assert ", next to none in 760 nm, " in levels_in_words(light)
     assert "e-83" not in levels_in_words(light)
+    assert levels_in_words(clear.isel(band=[5])).startswith(f"mean {float(mean[5]):.3g} W/m²/nm")
 
 
 def test_an_uncertainty_many_times_the_light_is_left_out_of_the_table_of_bands(make_transport) -> None:
