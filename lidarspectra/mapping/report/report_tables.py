@@ -118,19 +118,34 @@ def materials_table(materials: Sequence[Material], areas_m2: FloatArray, bands: 
             "area [m²]": areas_m2[order],
             "share [%]": 100.0 * areas_m2[order] / total,
             "mean reflectance [1]": [float(m.reflectance.at(bands, outside="nearest").mean()) for m in chosen],
+            "its deviation [1]": [_mean_deviation(material, bands) for material in chosen],
             "origin": [str(material.provenance) for material in chosen],
             "measured range [nm]": ["{:.0f} to {:.0f}".format(*material.measured_range_nm) for material in chosen],
             "confidence [1]": [float(material.confidence) for material in chosen],
             "source": [material.source for material in chosen],
         }
     )
-    formats = {"area [m²]": ".2f", "share [%]": ".1f", "mean reflectance [1]": ".2f", "confidence [1]": ".2f"}
+    formats = {
+        "area [m²]": ".2f",
+        "share [%]": ".1f",
+        "mean reflectance [1]": ".2f",
+        "its deviation [1]": ".2f",
+        "confidence [1]": ".2f",
+    }
     return Table(
         name="materials",
-        caption="Materials by area, with the colour that the scan shows, and their number in materials.csv (group).",
+        caption="Materials by area, with the colour that the scan shows, and their number in materials.csv (group). "
+        "The standard deviation of a reflectance is common to its channels; none is stated of what was assigned.",
         frame=frame,
         formats=formats,
     )
+
+
+def _mean_deviation(material: Material, bands: FloatArray) -> float:
+    """Standard deviation of the mean reflectance over bands, errors of which go together; NaN where none is stated."""
+    if material.uncertainty is None:
+        return float("nan")
+    return float(material.uncertainty.at(bands, outside="nearest").mean())
 
 
 def lamps_table(lamps: Sequence[Lamp], assumed: Assumptions) -> Table:

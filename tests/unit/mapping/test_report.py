@@ -14,12 +14,14 @@ from matplotlib.figure import Figure
 
 from lidarspectra.errors import ArrayError, MapError
 from lidarspectra.mapping.figures.figure_style import new_figure
+from lidarspectra.mapping.figures.tables import table_html
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report import report_writer
 from lidarspectra.mapping.report.report import ReportInput, ReportView, StageRow, write_report
 from lidarspectra.mapping.report.report_sections import maps_section
 from lidarspectra.mapping.report.report_tables import materials_table
 from lidarspectra.mapping.report.report_writer import ReportWriter
+from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.report.report_of_run import kept_svg
 
 OWN_SCRIPTS = (
@@ -310,6 +312,18 @@ def test_materials_have_the_numbers_by_which_a_file_of_assignments_names_them(ma
     frame = materials_table(materials, np.array([1.0, 9.0, 4.0]), np.array([410.0, 560.0])).frame
     assert dict(zip(frame["material"], frame["group"], strict=True)) == {"large": 1, "middle": 2, "small": 0}
     assert frame["area [m²]"].tolist() == [9.0, 4.0, 1.0]
+
+
+def test_materials_have_the_standard_deviation_of_their_reflectances_where_one_is_stated(make_material) -> None:
+    told = replace(
+        make_material("told"),
+        uncertainty=Spectrum(wavelengths_nm=np.array([400.0, 800.0]), values=np.array([0.02, 0.04])),
+    )
+    materials = [told, replace(make_material("given"), uncertainty=None)]
+    table = materials_table(materials, np.array([2.0, 1.0]), np.array([400.0, 800.0]))
+    assert table.frame["its deviation [1]"].tolist() == pytest.approx([0.03, np.nan], nan_ok=True)
+    assert ">0.03<" in table_html(table)
+    assert ">–<" in table_html(table)
 
 
 def test_areas_that_do_not_fit_the_materials_are_refused(report):
