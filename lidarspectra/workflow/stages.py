@@ -19,6 +19,7 @@ from lidarspectra.io.files import write_whole
 from lidarspectra.lamps.lamp_file import load_lamps, save_lamps
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.maps.assumptions import mark_assumed
+from lidarspectra.mapping.maps.channel_levels import beyond_notes, levels_in_words
 from lidarspectra.mapping.maps.light_unknowns import save_unknowns, uncertainty_in_words
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, load_map, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import spectral_map
@@ -108,13 +109,7 @@ from lidarspectra.workflow.run_folder.workspace import (
     stage_folder,
     stage_key,
 )
-from lidarspectra.workflow.trace_notes import (
-    beyond_notes,
-    glass_notes,
-    levels_in_words,
-    trace_warnings,
-    truncation_in_words,
-)
+from lidarspectra.workflow.trace_notes import glass_notes, trace_warnings, truncation_in_words
 from lidarspectra.workflow.whole_room import missing_in_words, whole_room
 
 REPORT_PAGE = PAGE

@@ -16,6 +16,7 @@ from lidarspectra.lamps.lamp_spectra import beyond_ends, luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.calibration.model import FLUX_SD, SHEET_ALIKE, alike_in_groups
 from lidarspectra.mapping.maps.assumptions import mark_assumed
+from lidarspectra.mapping.maps.channel_levels import beyond_notes
 from lidarspectra.mapping.maps.light_unknowns import load_unknowns
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import LampChange, relight
@@ -26,7 +27,6 @@ from lidarspectra.spectra.spectrum import BandSet, Spectrum
 from lidarspectra.workflow.run_folder.assumed import assumptions_of_run
 from lidarspectra.workflow.run_folder.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
 from lidarspectra.workflow.run_folder.workspace import current_stage, require_stage, writing_run
-from lidarspectra.workflow.trace_notes import beyond_notes
 
 OFF = 1e-9  # [1] of its flux that a lamp sends which is off: a lamp without any is none
 

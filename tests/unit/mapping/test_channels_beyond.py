@@ -5,12 +5,12 @@ import pytest
 
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Disc, Window
+from lidarspectra.mapping.maps.channel_levels import beyond_notes, levels_in_words
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report.report_tables import bands_table
 from lidarspectra.radiance.scene.sky import SKY_WAVELENGTHS_NM, sky_spectrum
 from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
-from lidarspectra.workflow.trace_notes import beyond_notes, levels_in_words
 
 
 def lamp(name: str, flux: Spectrum, shape: Disc | Window) -> Lamp:
