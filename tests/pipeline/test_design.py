@@ -124,6 +124,12 @@ def test_a_new_spectrum_leaves_the_lamp_that_the_scan_was_photographed_under(run
     name = 'lamp "one" !rm'
     assert told == [(f"{name} as scanned", "LED-B3", 1.0), (name, "LED-B5", 0.0), ("warm", "A", 1.0)]
     assert lamps[0].dim == 0
+    some = room.base / "some.csv"  # materials of some groups: the others are still read by the scan's light
+    some.write_text("group,reflectance\n0,builtin:white-wall\n", encoding="utf-8")
+    partly = replace(room, run_file=by_colors.changed(materials={"method": "file", "file": some.name}))
+    assert designed_run_file(work.designed, work.lamps, partly, run=run, base=Path()).lamps == lamps
+    some.write_text("group,reflectance\n*,builtin:white-wall\n", encoding="utf-8")
+    assert len(designed_run_file(work.designed, work.lamps, partly, run=run, base=Path()).lamps) == 2
     given = designed_run_file(work.designed, work.lamps, work.room, run=run, base=Path()).lamps
     assert [lamp.name for lamp in given] == [name, "warm"]  # given materials know no light of the scan
 

@@ -304,6 +304,11 @@ FAULTS: dict[str, tuple[tuple[Change, ...], dict[str, str], str]] = {
         {},
         r"materials\.cards\.1\.center: .*within 15 cm of a card's middle",
     ),
+    "a card in mid-air, where only some materials are given": (
+        (('model = "builtin"', 'model = "none"\n[[materials.cards]]\ncenter = [1, 1, 1.2]\nreflectance = 0.18'),),
+        {"assigned_csv": "group,reflectance\n0,white-plastic\n"},
+        r"materials\.cards\.1\.center: .*within 15 cm of a card's middle",
+    ),
     "a cell of a square kilometre": (
         (("area_cm2 = 10", "area_cm2 = 1e10"),),
         {},

@@ -36,6 +36,7 @@ from lidarspectra.threads import available_cores
 from lidarspectra.workflow.checks import plausible_numbers as plausible
 from lidarspectra.workflow.checks.findings import Findings, listed, number_words
 from lidarspectra.workflow.checks.scan_checks import ScanExtent, check_in_scan
+from lidarspectra.workflow.materials.materials_of_run import all_given
 from lidarspectra.workflow.run_folder.cards_of_run import cards_of_run
 from lidarspectra.workflow.run_folder.inputs import Inputs
 from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
@@ -102,7 +103,7 @@ def check_inputs(inputs: Inputs, findings: Findings, known: ScanExtent | None = 
     _check_light(inputs, scan, bands, findings)
     _check_calibration(run_file, findings)
     _check_materials(run_file.materials, base, findings)
-    _check_cards(run_file.materials, scan, findings)
+    _check_cards(run_file.materials, base, scan, findings)
     points = _sensors(inputs, findings)
     if extent is not None:
         check_in_scan(findings, run_file, extent, points)
@@ -308,9 +309,9 @@ def _check_materials(section: MaterialsSection, base: Path, findings: Findings) 
             Classifier(base / section.model)
 
 
-def _check_cards(section: MaterialsSection, scan: Scan | None, findings: Findings) -> None:
+def _check_cards(section: MaterialsSection, base: Path, scan: Scan | None, findings: Findings) -> None:
     """Whether each card has a surface to lie on, where the picture's light is fitted and the scan is at hand."""
-    if scan is None or section.method != "estimate" or not section.delight:
+    if scan is None or not section.delight or all_given(section, base):
         return
     for number, card in enumerate(cards_of_run(section.cards), start=1):
         with findings.at(f"materials.cards.{number}.center"):

@@ -18,6 +18,7 @@ from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.spectra.spectrum_files import spectrum_text
 from lidarspectra.workflow.calibration.light import RunRoom
 from lidarspectra.workflow.design.lamps import DesignedLamp, DesignLamps
+from lidarspectra.workflow.materials.materials_of_run import all_given
 
 FOLDER = "design"  # in the run folder
 SUFFIX = ".designed"  # of the run file's name
@@ -136,7 +137,8 @@ def _changed(table: Table, each: DesignedLamp, room: RunRoom, keys: Table) -> li
         return [table | {"dim": round(each.dim, 4)}]
     new = {key: value for key, value in table.items() if key not in FLUX_KEYS} | keys
     materials = room.run_file.materials
-    if materials.method == "estimate" and materials.delight and table.get("dim_in_scan", 1.0) > 0:
+    reads_light = materials.delight and not all_given(materials, room.base)
+    if reads_light and table.get("dim_in_scan", 1.0) > 0:
         old = table | {"name": f"{table['name']} as scanned", "dim": 0.0}
         return [old, new | {"dim_in_scan": 0.0}]
     return [new]
