@@ -178,7 +178,8 @@ def read_ies(text: str, *, where: str) -> CandelaTable:
     photometric_type, unit = numbers.take(2)
     width, length, height = numbers.take(3) * (METRES_PER_FOOT if unit == 1 else 1.0)
     ballast, photometric = numbers.take(3)[:2]
-    factor = ballast * (1.0 if GENERATION_TYPE.search(text[: tilt.start()]) else photometric)
+    # LM-63-2002 keeps the second for future use: a 0 there is no factor.
+    factor = ballast * (1.0 if photometric == 0 or GENERATION_TYPE.search(text[: tilt.start()]) else photometric)
     vertical, horizontal = numbers.take(verticals), numbers.take(horizontals)
     candela = numbers.take(verticals * horizontals).reshape(horizontals, verticals)
     if (rest := numbers.numbers_left()) > 0:

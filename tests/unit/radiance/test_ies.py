@@ -101,6 +101,12 @@ def test_feet_multipliers_and_tilt_tables_are_taken_in() -> None:
     assert table.lamps_lm is None  # absolute photometry, -1 lm a lamp
 
 
+def test_a_nought_for_future_use_does_not_put_the_light_out() -> None:
+    text = ies_text(np.zeros(1), THETA, shape(np.zeros(1), THETA))
+    given, nought = (read_ies(each, where="test") for each in (text, text.replace("1.0 1.0 36", "1.0 0 36")))
+    np.testing.assert_array_equal(nought.candela, given.candela)
+
+
 def test_the_lamps_lumens_are_of_all_lamps_on_their_ballast_and_not_of_the_candelas_multiplier() -> None:
     text = ies_text(np.zeros(1), THETA, np.ones((1, THETA.size)), multiplier=2.5)
     of_two = text.replace("1 -1 2.5", "2 900 2.5").replace("1.0 1.0 36", "0.9 1.0 36")
