@@ -38,6 +38,7 @@ from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass
 MAX_ROUNDS = 8  # 2 or 3 usually suffice
 MAX_PATHS_PER_POINT = 2**18  # mean over a block, per pass; about 15 s of one core
 RAYS_PER_JOB = (2**15, 2**17)  # least and most rays per engine process: at most 6 MB and a few seconds
+NEGLIGIBLE = 1e-6  # [1] of a channel's variance, below which no more samples are wanted for a part of it
 AIM = 0.85  # [1] share of the target variance that a round aims at, as its prediction is uncertain
 FIRST_ROUND = 0.2  # [1] of the first block's progress, since the work left is known only after it
 SECOND_ROUND = 0.95  # [1] of the progress after the second round, which is usually the last
@@ -309,6 +310,7 @@ def _missing(
 ) -> list[IntArray]:
     """Samples that each component's points still need, passes of the same slots sharing one budget."""
     wanted = [np.zeros(component.samples.size, dtype=np.int64) for component in components]
+    whole_over_part = _whole_over_part(scene, components, counted)
     for slots in sorted({component.slots for component in components}):
         members = [index for index, component in enumerate(components) if component.slots == slots]
         matrix = scene.slots.matrix[list(slots)]
@@ -316,8 +318,8 @@ def _missing(
         variances = []
         for index in members:
             # Squared last: the means of channels that a lamp all but misses, 1e-190, have squares of 0.
-            relative = ((np.sqrt(band_variance(components[index])[:, lit]) / means[lit]) ** 2).max(axis=1, initial=0.0)
-            relative = np.where(counted, relative, 0.0)
+            parts = (np.sqrt(band_variance(components[index])[:, lit]) / means[lit]) ** 2 * whole_over_part[slots][lit]
+            relative = np.where(counted, parts.max(axis=1, initial=0.0), 0.0)
             if components[index].sampler.is_shared:
                 variances.append(relative.sum(keepdims=True))
             else:
@@ -334,6 +336,27 @@ def _missing(
         for index, share in zip(members, shares, strict=True):
             wanted[index] = share
     return wanted
+
+
+def _whole_over_part(
+    scene: RadianceScene, components: Sequence[Component], counted: BoolArray
+) -> dict[tuple[int, ...], FloatArray]:
+    """(band,) variance of a channel over that of its part in some slots, for each set of slots that passes carry [1].
+
+    1 but for channels whose slots are divided among passes: held to the target part by part, they would miss it.
+    """
+    carried = {slots: scene.slots.matrix[list(slots)].sum(axis=0) > 0 for slots in {each.slots for each in components}}
+    ratio = {slots: np.ones(scene.slots.matrix.shape[1]) for slots in carried}
+    divided = np.sum(list(carried.values()), axis=0) > 1
+    if not (divided.any() and counted.any()):
+        return ratio
+    parts = {slots: np.zeros(int(divided.sum())) for slots in carried}
+    for component in components:
+        parts[component.slots] += band_variance(component)[counted][:, divided].mean(axis=0)
+    whole = np.sum(list(parts.values()), axis=0)
+    for slots, part in parts.items():
+        ratio[slots][divided] = np.divide(whole, part, out=np.zeros(part.size), where=part > NEGLIGIBLE * whole)
+    return ratio
 
 
 def _missing_of_points(

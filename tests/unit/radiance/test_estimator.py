@@ -1,6 +1,7 @@
 """Sharing out samples, and keeping running means of batches."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -122,6 +123,27 @@ def test_points_without_variance_want_nothing() -> None:
 def test_what_is_wanted_is_a_size_that_the_estimator_has() -> None:
     (wanted,) = wanted_samples([component(50)], [np.geomspace(1e-3, 1e3, 50)], points=50, target=0.5)
     assert set(wanted) <= {0, *FIBONACCI}
+
+
+def test_a_channel_whose_slots_are_divided_among_passes_comes_down_to_the_target_as_a_whole() -> None:
+    points, slots, target = 40, 12, 0.01
+    generator = np.random.default_rng(5)
+    spread = np.sqrt(0.7 * BATCHES) * target  # of one batch: each part holds seven tenths of what all may have
+    parts = []
+    for number in range(slots // 3):
+        folding = np.ones((1, 3, 1))
+        carried = Weights(written=np.ones((1, 3)), flux_ratio=np.ones((1, 3)), shares=np.ones((3, 1)), folding=folding,
+                          flux=np.ones((1, 1)))  # fmt: skip
+        noise = generator.normal(size=(BATCHES, 1, points, 1))
+        noise = (noise - noise.mean(axis=0)) / noise.std(axis=0, ddof=1)
+        mean = np.broadcast_to(1.0 / slots + spread / 3.0 * noise, (BATCHES, 1, points, 3)).astype(np.float32)
+        three = tuple(range(3 * number, 3 * number + 3))
+        parts.append(replace(component(points), slots=three, lamps=(0,), means=Batches(weights=carried, mean=mean)))
+    scene = cast(Any, SimpleNamespace(slots=SimpleNamespace(matrix=np.ones((slots, 1)))))
+    counted = np.ones(points, dtype=np.bool_)
+    wanted = rounds._missing(scene, parts, sensors(points), counted, np.ones(1), target)
+    left = predicted(parts, [band_variance(part)[:, 0] for part in parts], wanted)
+    assert left < 1.05 * target**2
 
 
 def test_paths_that_all_points_share_are_wanted_as_one_number() -> None:
