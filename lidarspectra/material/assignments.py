@@ -47,6 +47,7 @@ ALL_GROUPS = "*"
 AS_ESTIMATED = ("recovered", f"{SOURCE}:", OF_PANE)
 OF_PERCENT = re.compile(r"%|percent", re.IGNORECASE)  # in the heading of a spectrum file
 PERCENT = 100.0
+WRITTEN = 1e-5  # [1] relative, of numbers that a run writes in six digits
 _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
 SURFACE_COLUMNS = ("specularity", "roughness", "transmittance")
 
@@ -65,7 +66,7 @@ class Assignment:
         The cells of kind, specularity, roughness and transmittance that are not empty.
     line : int
         In the file, for errors.
-    provenance, color : str
+    name, provenance, color : str
         The cells that a run wrote of the group; empty where there are none.
     """
 
@@ -73,6 +74,7 @@ class Assignment:
     reflectance: str
     surface: Mapping[str, str]
     line: int
+    name: str = ""
     provenance: str = ""
     color: str = ""
 
@@ -126,6 +128,7 @@ def read_assignments(path: Path) -> Assignments:
                 reflectance=texts["reflectance"],
                 surface=surface,
                 line=line,
+                name=texts.get("name", ""),
                 provenance=texts.get("provenance", ""),
                 color=texts.get("color", ""),
             )
@@ -168,19 +171,56 @@ def _is_given(reflectance: str) -> bool:
     return bool(reflectance) and not reflectance.lower().startswith(AS_ESTIMATED)
 
 
-def _is_as_written(row: Assignment, before: Material) -> bool:
-    """Whether a row says of a group what a run wrote: the nearest surface's name, say, whose spectrum was scaled."""
-    written = row.provenance in get_args(Provenance) and row.provenance == before.provenance
-    return not _is_given(row.reflectance) or (written and row.reflectance == before.source)
+def _is_as_written(row: Assignment, before: Material, library: ReflectanceLibrary) -> bool:
+    """Whether a row says of a group what a run wrote: the nearest surface's name, say, whose spectrum was scaled.
+
+    By another light another surface may be the nearest now, or the number another group's; the row's own name then
+    tells that a run wrote it.
+    """
+    if not _is_given(row.reflectance):
+        return True
+    if row.provenance not in get_args(Provenance):
+        return False
+    if row.provenance == before.provenance and row.reflectance == before.source:
+        return True
+    named = [each.name for each in library.rows if row.reflectance == each.key]
+    if not named or sum(each.name == named[0] for each in library.rows) > 1:
+        return False
+    before_it = {"measured": ".*, as ", "default": ""}.get(row.provenance)  # in the name that a run gives
+    return before_it is not None and bool(re.fullmatch(rf"{before_it}{re.escape(named[0])}( \d+)?", row.name))
 
 
 def _is_pane(material: Material) -> bool:
     return material.source.startswith(OF_PANE)
 
 
-def _refuse_another(row: Assignment, before: Material, where: Path) -> None:
-    """Refuse a reflectance for a group that is plainly of another colour than the one the row was written of."""
-    if row.target == ALL_GROUPS or not _COLOR.fullmatch(row.color) or _is_as_written(row, before):
+def _is_of_another_pane(row: Assignment, before: Material) -> bool:
+    """Whether a row was left as a run wrote it of a pane, and its number is no pane's now, or the other way round.
+
+    Its cells would make a wall a mirror.
+    """
+    is_left = bool(row.reflectance) and not _is_given(row.reflectance)
+    return is_left and row.reflectance.startswith(OF_PANE) != _is_pane(before)
+
+
+def _changes_surface(row: Assignment, before: Material) -> bool:
+    """Whether the cells of a row say that a group scatters otherwise than it is known to."""
+    if row.surface.get("kind", before.kind) != before.kind:
+        return True
+    try:
+        numbers = {
+            name: finite_number(row.surface[name], where=name) for name in SURFACE_COLUMNS if name in row.surface
+        }
+    except DatabaseError:
+        return False  # refused where it is read
+    return any(abs(number - float(getattr(before, name))) > WRITTEN * number for name, number in numbers.items())
+
+
+def _refuse_another(row: Assignment, before: Material, library: ReflectanceLibrary, where: Path) -> None:
+    """Refuse what a row says of a group that is plainly of another colour than the one the row was written of."""
+    if row.target == ALL_GROUPS or not _COLOR.fullmatch(row.color):
+        return
+    if _is_as_written(row, before, library) and not _changes_surface(row, before):
         return
     wanted = decode_srgb([int(row.color[first : first + 2], 16) / 255 for first in (1, 3, 5)])
     if float(color_difference(linear_srgb_to_lab(wanted), linear_srgb_to_lab(before.color))) > FAR_COLOR:
@@ -233,7 +273,9 @@ def assign(
         for group in groups:
             if group >= len(materials):
                 raise _fault(where, row.line, expected=f"a group from 0 to {len(materials) - 1}", found=str(group))
-            _refuse_another(row, materials[group], where)
+            if _is_of_another_pane(row, materials[group]):
+                continue
+            _refuse_another(row, materials[group], library, where)
             materials[group] = _assigned(row, materials[group], library, where)
     return replace(estimated, materials=tuple(materials))
 
@@ -283,7 +325,7 @@ def _assign_faces(
 def _assigned(row: Assignment, before: Material, library: ReflectanceLibrary, where: Path) -> Material:
     """Material of a row, over the one that was estimated."""
     material = before
-    if not _is_as_written(row, before):
+    if not _is_as_written(row, before, library):
         try:
             if _is_file(row.reflectance):
                 material = _file_material(where.parent / row.reflectance, row.reflectance)

@@ -161,6 +161,53 @@ def test_a_row_of_a_group_that_is_another_surface_now_is_refused(estimated, tmp_
     assert left.materials[0].reflectance is estimated.materials[0].reflectance
 
 
+def as_written(folder: Path, materials: MaterialMap) -> str:
+    """The file that a run of these materials writes."""
+    save_materials(materials, folder)
+    return (folder / "materials.csv").read_text(encoding="utf-8")
+
+
+def test_a_row_that_a_run_wrote_of_a_pane_makes_no_wall_a_mirror(estimated, tmp_path):
+    """A pane less in the run file, and its number is a wall's, which may be as light as a mirror is."""
+    mirror = pane_material("mirror", name="mirror 1")
+    panes = of_one_source(estimated, 1, **{key: getattr(mirror, key) for key in vars(mirror)})
+    text = as_written(tmp_path, replace(panes, materials=(*panes.materials[:1], mirror, *panes.materials[2:])))
+    light = of_one_source(estimated, 1, color=mirror.color)
+    found = done(light, tmp_path, text)
+    assert found.materials[1] is light.materials[1]
+    back = done(panes, tmp_path, as_written(tmp_path, light))
+    assert (back.materials[1].kind, back.materials[1].specularity) == ("mirror", 1.0)
+
+
+def test_gloss_that_a_run_wrote_of_another_group_is_refused(estimated, tmp_path):
+    glossy = of_one_source(estimated, 1, specularity=0.04, roughness=0.1)
+    text = as_written(tmp_path, glossy)
+    assert done(glossy, tmp_path, text).materials[1].specularity == pytest.approx(0.04)
+    others = replace(estimated, materials=(estimated.materials[1], estimated.materials[0], *estimated.materials[2:]))
+    with pytest.raises(MaterialError, match="groups are others now"):
+        done(others, tmp_path, text)
+    left = done(others, tmp_path, as_written(tmp_path, estimated))  # says nothing that is not so
+    assert [each.reflectance for each in left.materials] == [each.reflectance for each in others.materials]
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "provenance"),
+    [
+        ("white painted, as White wall paint 2", "builtin:white-wall", "measured"),
+        ("White wall paint", "builtin:white-wall", "default"),
+    ],
+)
+def test_a_surface_that_a_run_took_for_the_nearest_is_not_given_by_hand(estimated, tmp_path, name, source, provenance):
+    """In other light another one is the nearest: the old one came unscaled, and was taken for known to 3 %."""
+    text = as_written(tmp_path, of_one_source(estimated, 1, name=name, source=source, provenance=provenance))
+    now = of_one_source(estimated, 1, name="grey, as ColorChecker neutral 8", source="builtin:cc-neutral-8")
+    left = done(now, tmp_path, text).materials[1]
+    assert left.reflectance is now.materials[1].reflectance
+    assert left.provenance == "recovered"
+    given = text.replace("builtin:white-wall", "builtin:wooden-cabinet")
+    assert done(now, tmp_path, given).materials[1].provenance == "assigned"
+
+
 def test_the_file_that_a_run_writes_changes_nothing_as_it_is_and_can_be_edited(room, estimated, tmp_path):
     save_materials(estimated, tmp_path, face_areas=room[0].areas)
     section = MaterialsSection(method="file", file="materials.csv", model="none")
