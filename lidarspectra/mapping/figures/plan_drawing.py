@@ -36,6 +36,7 @@ UNKNOWN: dict[str, Any] = {"facecolor": "#c3c7cb", "edgecolor": "#8a8f96", "hatc
 PANE_COLORS: dict[PaneKind, str] = {"glass": "#0072b2", "mirror": "#009e73", "screen": "#cc79a7"}
 HALO: list[AbstractPathEffect] = [Stroke(linewidth=2.4, foreground="white", alpha=0.85), Normal()]  # dark on any ground
 UPWARDS = 0.99  # [1] cosine, of the angle between a map's direction and up
+UP = "looking up"
 MIN_LAMP_M = 0.06  # [m] a smaller bulb would not be seen
 
 
@@ -144,11 +145,16 @@ def draw_colorbar(
 def plane_words(plan: FloorPlan, dataset: "xr.Dataset", chosen: IntArray) -> str:
     """Height of a map above the floor, where the plan knows it, and where its points look, unless it is up."""
     height = "" if plan.air is None else f"{plan.air.height_m:.2f} m above the floor"
+    facing = facing_words(dataset, chosen)
+    return ", ".join(filter(None, [height, facing if facing != UP else ""]))
+
+
+def facing_words(dataset: "xr.Dataset", chosen: IntArray) -> str:
+    """Where points of one plane look: 'looking up', 'looking down', or along a direction."""
     way = np.stack([dataset[axis].to_numpy()[chosen] for axis in ("nx", "ny", "nz")], axis=1).mean(axis=0)
-    if way[2] >= UPWARDS:
-        return height
-    along = f"along ({', '.join(f'{part + 0.0:.2g}' for part in way)})"
-    return ", ".join(filter(None, [height, f"looking {'down' if way[2] <= -UPWARDS else along}"]))
+    if abs(way[2]) >= UPWARDS:
+        return UP if way[2] > 0 else "looking down"
+    return f"looking along ({', '.join(f'{part + 0.0:.2g}' for part in way)})"
 
 
 def legend_handles(dataset: "xr.Dataset", plan: FloorPlan, *, unknown: bool) -> list[Line2D | Patch]:

@@ -7,6 +7,7 @@ import xarray as xr
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from lidarspectra.arrays import IntArray
 from lidarspectra.mapping.figures.field_drawing import draw_field, field_grid, has_unknown
 from lidarspectra.mapping.figures.figure_style import ERROR_MAP, LIGHT_MAP, PAGE_WIDTH_IN, new_figure, place, styled
 from lidarspectra.mapping.figures.floor_plan import FloorPlan, PanelLayout
@@ -15,6 +16,7 @@ from lidarspectra.mapping.figures.plan_drawing import (
     draw_frame,
     draw_panel_legend,
     draw_points,
+    facing_words,
     legend_handles,
 )
 from lidarspectra.mapping.maps.interpolation import plan_places, point_planes
@@ -86,5 +88,13 @@ def point_maps(
         axes.set_title(words, pad=3.0)
         draw_colorbar(figure, layout.colorbar_box(number), norm, map_name)
         unknown = unknown or has_unknown(grid, plan)
-    draw_panel_legend(figure, layout, legend_handles(values, plan, unknown=unknown), "")
+    draw_panel_legend(figure, layout, legend_handles(values, plan, unknown=unknown), _which(values, planes))
     return figure
+
+
+def _which(values: xr.Dataset, planes: tuple[IntArray, ...]) -> str:
+    """Which points are drawn, where there are others: how many of all, their height, and where they look."""
+    if len(planes) < 2:
+        return ""
+    height = float(np.median(values["z"].to_numpy()[planes[0]]))
+    return f"{planes[0].size} of {sum(map(len, planes))} points:\nz {height:.2f} m, {facing_words(values, planes[0])}"

@@ -10,6 +10,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.lamps.lamp_spectra import DARK_CHANNEL, luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.tables import Table
+from lidarspectra.mapping.maps.interpolation import point_planes
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.maps.visible_bands import covers_vision
 from lidarspectra.mapping.photometry.point_light import PointLight
@@ -43,7 +44,7 @@ def answer_table(before: PointLight, after: PointLight, places: xr.Dataset) -> T
             ("mean illuminance [lx]", float(was.mean()), float(now.mean())),
             ("lowest illuminance [lx]", float(was.min()), float(now.min())),
             ("highest illuminance [lx]", float(was.max()), float(now.max())),
-            ("uniformity U0, lowest over mean [1]", _uniformity(was), _uniformity(now)),
+            (f"uniformity U0, lowest over mean{_mixed(places)} [1]", _uniformity(was), _uniformity(now)),
         ]
         for name in ALSO:
             quantity = light_quantity(name)
@@ -103,6 +104,10 @@ def changes_percent(before: FloatArray, after: FloatArray) -> FloatArray:
 
 def _values(light: PointLight, name: str) -> FloatArray:
     return light.weigh(light_quantity(name).response)[0]
+
+
+def _mixed(places: xr.Dataset) -> str:
+    return " of points that differ in height or direction" if len(point_planes(places)) > 1 else ""
 
 
 def _uniformity(lux: FloatArray) -> float:

@@ -552,3 +552,16 @@ def test_a_map_says_where_its_points_look_unless_it_is_up(plan, make_transport, 
     turned = one_map.assign_coords({n: ("point", np.full(25, float(part)), one_map[n].attrs) for n, part in look})
     title = illuminance_figure(turned, plan, turned["illuminance"].to_numpy()).axes[0].get_title()
     assert title == ", ".join(filter(None, ["illuminance", words]))
+
+
+def test_maps_of_points_of_several_planes_say_which_they_show(plan, make_transport):
+    one_map = spectral_map(make_transport(points=25))
+    look = np.where(np.arange(25) < 16, 0.0, 1.0)  # nine look up, sixteen along x
+    mixed = one_map.assign_coords(
+        nx=("point", 1.0 - look, one_map["nx"].attrs), nz=("point", look, one_map["nz"].attrs)
+    )
+    words = [[text.get_text() for text in point_maps(each, plan, {"illuminance": "illuminance [lx]"}).texts] +
+             [legend.get_title().get_text() for legend in point_maps(each, plan, {"illuminance": "E [lx]"}).legends]
+             for each in (one_map, mixed)]  # fmt: skip
+    assert not any("points" in each for each in words[0])
+    assert any(" ".join(each.split()) == "16 of 25 points: z 0.30 m, looking along (1, 0, 0)" for each in words[1])
