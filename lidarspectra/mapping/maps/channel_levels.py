@@ -36,7 +36,7 @@ def beyond_notes(lamps: Sequence[Lamp], bands: BandSet) -> tuple[str, ...]:
         if labels:
             groups.setdefault((is_daylight(lamp), lamp.flux.range_nm, labels), []).append(lamp.name)
     return tuple(
-        f"The light of {named_lamps(tuple(names))} is known from {first:g} to {last:g} nm and does not end there: what "
+        f"The spectrum of {named_lamps(tuple(names))} goes from {first:g} to {last:g} nm and not into the dark: what "
         f"comes of it in {'channel' if len(labels) == 1 else 'channels'} {', '.join(labels)} nm is not known. The map "
         "has there what the spectrum tells; its uncertainty reaches as far as light that goes on as at the end. "
         + ("Daylight is computed no farther." if of_sky else "Give a spectrum that reaches as far if it matters.")

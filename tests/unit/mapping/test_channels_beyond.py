@@ -22,7 +22,7 @@ def test_lamps_whose_spectra_end_in_light_are_named_with_the_channels_beyond(dev
     lamps = [lamp(name, lamp_spectrum("Incandescent").spectrum, Disc(0.1)) for name in ("left", "right")]
     notes = beyond_notes(lamps, sensor_bands(device))
     assert len(notes) == bool(missing)
-    assert all("of 'left', 'right' is known from 380 to 780 nm" in note for note in notes)
+    assert all("of 'left', 'right' goes from 380 to 780 nm" in note for note in notes)
     assert all(f"in channels {missing} nm is not known" in note for note in notes)
 
 

@@ -307,7 +307,7 @@ def test_a_new_spectrum_that_ends_in_light_is_told_and_uncertain_beyond(exact, l
         monkeypatch.setattr(relighting, name, lambda *_, value=value: value)
     relit = relighting.relit_run("run", [LampOrder(lamp="panel 1", spectrum=str(path))])
     (note,) = relit.notes
-    assert note.startswith("The light of 'panel 1' is known from 380 to 700 nm and does not end there")
+    assert note.startswith("The spectrum of 'panel 1' goes from 380 to 700 nm and not into the dark")
     assert "705, 730, 760 nm" in note
     assert (relit.light_map["irradiance_sd"][:, -1] > 0).all()
     assert relighting.relit_run("run", [LampOrder(lamp="panel 1", dim=0.5)]).notes == ()
