@@ -12,7 +12,7 @@ from .faults import ExtensionError
 
 def assignments_table(
     face: NDArray[np.int_], slot: NDArray[np.int_], slot_before: NDArray[np.int_], reflectance: Sequence[str],
-    default: str = "",
+    default: str = "", face_count: int | None = None,
 ) -> str:  # fmt: skip
     """CSV of the faces that have a reflectance; empty where none has.
 
@@ -26,6 +26,8 @@ def assignments_table(
         Of each material: database ID or spectrum file; empty for what stays as estimated.
     default : str
         For faces without one, where the run gives all faces one material.
+    face_count : int, optional
+        Faces of the run's scan, by which the program knows whether the numbers still hold.
 
     Raises
     ------
@@ -45,6 +47,8 @@ def assignments_table(
         return ""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
+    if face_count is not None:
+        stream.write(f"# of {face_count} faces\n")
     writer.writerow(["face", "reflectance"])
     names = [name or default for name in reflectance]
     for number, which in sorted(zip(face.tolist(), slot.tolist(), strict=True)):

@@ -13,6 +13,7 @@ from .room_file import Floats, RoomFile
 
 ROOM = "Room"
 SCANNED, FACE, SLOT = "scanned", "lidarspectra_face", "lidarspectra_slot"  # attributes of the room's mesh
+FACE_COUNT = "lidarspectra_faces"  # property of the room: how many faces the run's scan has
 LIFT_M = 0.003  # [m] of the map above its points, so that a floor at the same height does not shine through
 MARK_SHARE = 0.18  # [1] radius of a point's mark, of the typical spacing
 MARK_M = (0.01, 0.08)  # [m] least and greatest radius of a mark
@@ -55,11 +56,15 @@ def show_room(scene: Any, room: RoomFile) -> Any:
     set_colors(mesh, SCANNED, "CORNER", np.repeat(colors, 3, axis=0))
     thing = bpy.data.objects.new(ROOM, mesh)
     thing[ROLE] = ROOM
+    thing[FACE_COUNT] = count
     return put(scene, "Room", thing)
 
 
-def assignments(scene: Any) -> tuple[Any, Any, Any, list[str]] | None:
-    """Faces of the room, their slots now and as the run had them, and each slot's reflectance; None without a room."""
+def assignments(scene: Any) -> tuple[Any, Any, Any, list[str], int | None] | None:
+    """Faces of the room, their slots now and as the run had them, each slot's reflectance, how many faces the scan has.
+
+    None without a room; the number is None in scenes that an earlier version saved.
+    """
     thing = next((each for each in _things(scene, "Room") if each.get(ROLE) == ROOM), None)
     if thing is None:
         return None
@@ -72,7 +77,7 @@ def assignments(scene: Any) -> tuple[Any, Any, Any, list[str]] | None:
     names = [
         "" if held.material is None else held.material.lidarspectra.reflectance.strip() for held in thing.material_slots
     ]
-    return face, slot, before, names
+    return face, slot, before, names, thing.get(FACE_COUNT)
 
 
 def _things(scene: Any, part: Any) -> list[Any]:

@@ -174,7 +174,8 @@ def _materials(scene: Any, before: Table, path: Path, tables: dict[Path, str]) -
     if held is None or found(scene, "Room") is None:
         return None
     default = before.get("default", "white-plastic") if before.get("method") == "default" else ""
-    table = assignments_table(*held, default=default)
+    face, slot, before_it, names, face_count = held
+    table = assignments_table(face, slot, before_it, names, default, face_count)
     own = MATERIALS_FILE.format(stem=path.stem)
     if not table:
         if before.get("file") != own:

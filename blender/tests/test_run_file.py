@@ -268,7 +268,7 @@ def test_reflectances_of_groups_and_of_faces_go_into_a_table(opened, run_file: P
     bpy.ops.object.mode_set(mode="OBJECT")
     assert content["materials"] == {"method": "file", "file": "a room-materials.csv"}
     table = (run_file.parent / "a room-materials.csv").read_text().splitlines()
-    assert table == ["face,reflectance", "0,builtin:pmc-orange", "1,my carpet.csv"]
+    assert table == ["# of 3 faces", "face,reflectance", "0,builtin:pmc-orange", "1,my carpet.csv"]
     room.data.polygons[2].material_index = 0  # a wall becomes orange, too
     written(run_file)
     assert (run_file.parent / "a room-materials.csv").read_text().splitlines()[-1] == "2,builtin:pmc-orange"

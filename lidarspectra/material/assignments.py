@@ -47,6 +47,7 @@ ALL_GROUPS = "*"
 AS_ESTIMATED = ("recovered", f"{SOURCE}:", OF_PANE)
 OF_PERCENT = re.compile(r"%|percent", re.IGNORECASE)  # in the heading of a spectrum file
 PERCENT = 100.0
+_FACE_COUNT = re.compile(r"#\s*of (\d+) faces\b")
 WRITTEN = 1e-5  # [1] relative, of numbers that a run writes in six digits
 _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
 SURFACE_COLUMNS = ("specularity", "roughness", "transmittance")
@@ -88,10 +89,13 @@ class Assignments:
     by : 'group' or 'face'
     rows : tuple of Assignment
         Each target once.
+    face_count : int or None
+        Of the scan whose faces they name, where the file says so in a line before its table: '# of 9000 faces'.
     """
 
     by: Literal["group", "face"]
     rows: tuple[Assignment, ...]
+    face_count: int | None = None
 
     @property
     def give_all(self) -> bool:
@@ -108,7 +112,9 @@ def read_assignments(path: Path) -> Assignments:
         If it is no such file; the line is named.
     """
     try:
-        (_, names), *lines = list(numbered_rows(read_text(path))) or [(1, [])]
+        text = read_text(path)
+        said = _FACE_COUNT.match(text)
+        (_, names), *lines = list(numbered_rows(text)) or [(1, [])]
         columns = [name.lower() for name in names]
         by: Literal["group", "face"] = "face" if "face" in columns else "group"
         if by not in columns or "reflectance" not in columns:
@@ -136,7 +142,7 @@ def read_assignments(path: Path) -> Assignments:
         raise MaterialError(
             expected="a readable CSV of assignments", found=str(cause), where=str(path), todo="See docs/run-file.md."
         ) from cause
-    return Assignments(by=by, rows=tuple(rows.values()))
+    return Assignments(by=by, rows=tuple(rows.values()), face_count=int(said[1]) if said else None)
 
 
 def spectrum_files(path: Path) -> tuple[str, ...]:
@@ -304,6 +310,14 @@ def _assign_faces(
     """Give single faces their materials; faces of one group and of equal rows share one."""
     materials = list(estimated.materials)
     face_material = estimated.face_material.copy()
+    if assignments.face_count not in (None, face_material.size):
+        raise MaterialError(
+            expected=f"the numbers of the {face_material.size} faces that the scan has after repair",
+            found=f"those of {assignments.face_count}",
+            where=str(where),
+            todo="The scan, a pane or a key under [scan] was changed since, so that other faces have these numbers. "
+            "Give the materials anew in Blender, or by groups.",
+        )
     made: dict[tuple[int, tuple[str, ...]], int] = {}
     for row in assignments.rows:
         face = int(row.target)

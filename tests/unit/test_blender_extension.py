@@ -249,6 +249,11 @@ def test_faces_that_were_given_a_reflectance_are_assigned_it(tmp_path: Path) -> 
     read = read_assignments(path)
     assert read.by == "face"
     assert [(row.target, row.reflectance) for row in read.rows] == [("1", names[2]), ("3", names[2])]
+    assert read.face_count is None
+    counted = material_table.assignments_table(face, np.array([0, 2, 1, 2]), before, names, face_count=4)
+    path.write_text(counted, encoding="utf-8")
+    again = read_assignments(path)
+    assert (again.face_count, len(again.rows)) == (4, 2)
     assert material_table.assignments_table(face, before, before, ["", "", ""]) == ""
     all_faces = material_table.assignments_table(face, np.array([0, 2, 1, 2]), before, names, default="white-plastic")
     assert all_faces.count("white-plastic") == 2

@@ -106,6 +106,16 @@ def test_faces_that_only_become_shiny_keep_their_own_reflectances(estimated, tmp
         assert material.reflectance is estimated.materials[group].reflectance
 
 
+def test_faces_of_another_scan_are_refused(estimated, tmp_path):
+    """A pane more cuts the mesh: the numbers of its faces were taken for those of others, in silence."""
+    count = estimated.face_material.size
+    text = "# of {} faces\nface,reflectance\n3,builtin:white-wall\n"
+    found = done(estimated, tmp_path, text.format(count))
+    assert found.materials[found.face_material[3]].source == "builtin:white-wall"
+    with pytest.raises(MaterialError, match=f"{count} faces.*those of {count + 8}"):
+        done(estimated, tmp_path, text.format(count + 8))
+
+
 def of_one_source(estimated: MaterialMap, group: int, **changes: object) -> MaterialMap:
     materials = list(estimated.materials)
     materials[group] = replace(materials[group], **changes)
