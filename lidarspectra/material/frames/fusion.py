@@ -159,13 +159,13 @@ def _robust_mean(
     """
     seen = weight > 0
     values = np.log(np.maximum(np.where(seen[:, :, None], light, 1.0), DARKEST))
-    center = _weighted_median(values, np.broadcast_to(weight[:, :, None], values.shape))
     # Most views may be too dark for a channel, and all of them too bright in it: the others tell where to begin.
-    told = weight[:, :, None] * _sure(np.full_like(center[:, 1:2], USUAL_SPREAD), noise, center)
+    total = np.maximum(weight.sum(axis=0), 1e-20)[:, None]
+    level = np.log(np.maximum(np.einsum("vt,vtc->tc", weight, np.where(seen[:, :, None], light, 0.0)) / total, DARKEST))
+    told = weight[:, :, None] * _sure(np.full_like(level[:, 1:2], USUAL_SPREAD), noise, level)
     center, green = _weighted_median(values, told), told[:, :, 1]
     spread = 1.4826 * _weighted_median(np.abs(values[:, :, 1:2] - center[:, 1:2]), green[:, :, None])
     spread = np.maximum(spread * _of_few(_effective(green))[:, None], MIN_SPREAD)
-    center = _weighted_median(values, weight[:, :, None] * _sure(spread, noise, center))
     sure, share = np.ones_like(values), np.broadcast_to(weight[:, :, None], values.shape)
     for _ in range(ROUNDS):
         sure = _sure(spread, noise, center)
