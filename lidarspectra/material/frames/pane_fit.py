@@ -157,7 +157,10 @@ def gains_over_matt(line: Line, share: float) -> FloatArray:
 
 
 def best_rectangle(gain: FloatArray) -> tuple[slice, slice]:
-    """Rows and columns of the rectangle whose (row, column) gains have the largest sum (Kadane, along columns)."""
+    """Rows and columns of the rectangle whose (row, column) gains have the largest sum (Kadane, along columns).
+
+    Squares of no gain, which no frame shows or which are another pane's, may lie in it but not along its edges.
+    """
     total = np.vstack([np.zeros(gain.shape[1]), np.cumsum(gain, axis=0)])
     best, found = -np.inf, (slice(0, 0), slice(0, 0))
     for low in range(gain.shape[0]):
@@ -168,7 +171,14 @@ def best_rectangle(gain: FloatArray) -> tuple[slice, slice]:
             if band[right] - least[right] > best:
                 best = float(band[right] - least[right])
                 found = (slice(low, high), slice(int(np.argmin(band[: right + 1])), right))
-    return found
+    told = gain[found] != 0.0
+    rows, columns = (np.flatnonzero(told.any(axis=axis)) for axis in (1, 0))
+    if not rows.size:
+        return found
+    low, left = found[0].start, found[1].start
+    return slice(low + int(rows[0]), low + int(rows[-1]) + 1), slice(
+        left + int(columns[0]), left + int(columns[-1]) + 1
+    )
 
 
 def _centred(line: Line, weight: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -307,6 +307,16 @@ def test_the_best_rectangle_is_that_of_the_largest_sum() -> None:
     assert gain[rows, columns].sum() == pytest.approx(max(sums))
 
 
+def test_a_rectangle_does_not_go_on_over_squares_that_tell_nothing() -> None:
+    """As wall that no frame shows, or a pane beside it that was told before."""
+    gain = np.zeros((9, 12))
+    gain[3:6, 4:8] = 1.0
+    gain[4, 5:7] = 0.0  # not measured, in the middle of it
+    assert best_rectangle(gain) == (slice(3, 6), slice(4, 8))
+    gain[2], gain[:, 8] = -1.0, -1.0  # paint beside it
+    assert best_rectangle(gain) == (slice(3, 6), slice(4, 8))
+
+
 def test_what_frames_tell_is_written_into_the_run_file_and_asked_about_in_notes() -> None:
     told = replace(PANE, why="its colours move", reflectance=0.83)
     lines = list(pane_lines([told]))
