@@ -131,7 +131,7 @@ def shining_rectangle(level: FloatArray, moves: BoolArray) -> tuple[slice, slice
         bright = (level > np.fmax(BRIGHT, (1.0 + UNLIKE) * usual)) | moves
         unlike = np.isfinite(level) & ~(np.abs(level - usual) < UNLIKE * usual)
     for mask in (bright | unlike, bright):
-        label, count = ndimage.label(ndimage.binary_opening(ndimage.binary_closing(mask, SQUARE), SQUARE))
+        label, count = ndimage.label(ndimage.binary_opening(_closed(mask), SQUARE))
         if not count:
             continue
         sizes = np.bincount(label[bright & (label > 0)], minlength=count + 1)
@@ -149,6 +149,11 @@ def shining_rectangle(level: FloatArray, moves: BoolArray) -> tuple[slice, slice
         ):
             return box[0], box[1]
     return None
+
+
+def _closed(mask: BoolArray) -> BoolArray:
+    """Gaps of a square closed; what reaches the edge of what is looked at still does, and so goes on there."""
+    return np.asarray(ndimage.binary_erosion(ndimage.binary_dilation(mask, SQUARE), SQUARE, border_value=1))
 
 
 def _usual(level: FloatArray) -> float:

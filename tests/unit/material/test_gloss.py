@@ -21,10 +21,12 @@ from lidarspectra.material.frames.gloss import (
     MIN_SPECULARITY,
     NO_HIGHLIGHT,
     NOT_TOLD,
+    ROUGHNESS,
     TOO_FEW,
     GlossOfPart,
     Mirrored,
     ShownLamps,
+    _rest_of_room,
     gloss_of_parts,
     smoothed,
 )  # fmt: skip
@@ -121,6 +123,44 @@ def test_a_floor_shows_its_specularity_times_the_radiosity_of_a_lamp_that_fills_
     light = records.light + np.where(seen, 0.03 * LAMPS.radiosity[0], 0.0).astype(np.float32)
     gloss = found(replace(records, light=light, clipped=np.zeros(light.size, dtype=np.bool_)), wide)
     assert gloss.specularity == pytest.approx(0.03, rel=0.05)
+
+
+def test_the_rougher_a_floor_is_the_less_of_a_bright_spot_and_the_more_of_its_surroundings_it_shows() -> None:
+    """A spot of 12° about the mirrored eye, which facets of up to 6° show: exp(-(tan 6° / α)²) of them are steeper."""
+    toward = np.array([[0.6, 0.0, 0.8]])
+    mirror, up = np.array([-0.6, 0.0, 0.8]), np.array([[0.0, 0.0, 1.0]])
+
+    def spot(_: FloatArray, ways: FloatArray) -> FloatArray:
+        return np.where(ways @ mirror > np.cos(np.radians(12.0)), 1.0, 0.2)
+
+    rest = _rest_of_room(np.zeros((1, 3)), up, toward, spot)[:, 0]
+    expected = 1.0 - 0.8 * np.exp(-((np.tan(np.radians(6.0)) / ROUGHNESS) ** 2))
+    np.testing.assert_allclose(rest, expected, atol=0.2)  # six directions, of three roughnesses
+    assert (np.diff(rest) <= 1e-9).all()
+    assert rest[0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_room_of_which_less_than_half_is_known_in_the_lobe_is_not_known() -> None:
+    toward, up = np.array([[0.6, 0.0, 0.8]]), np.array([[0.0, 0.0, 1.0]])
+    for share, is_known in ((0.2, False), (0.4, True)):  # two of six directions, and three
+        told: list[int] = []
+
+        def some(_: FloatArray, ways: FloatArray, told: list[int] = told, share: float = share) -> FloatArray:
+            told.append(len(told) % 6)
+            return np.full(len(ways), 0.5 if told[-1] < 6 * share else np.nan)
+
+        assert np.isfinite(_rest_of_room(np.zeros((1, 3)), up, toward, some)).all() == is_known
+
+
+def test_views_beside_edges_which_a_pose_lays_elsewhere_count_little() -> None:
+    records, generator = walk(0.04, 0.12), np.random.default_rng(6)
+    beside = records.frame % 2 == 1
+    wrong = np.where(beside, np.exp(0.4 * generator.normal(size=beside.size)), 1.0)
+    light = (records.light * wrong).astype(np.float32)
+    uneven = np.where(beside, 0.8, records.uneven).astype(np.float32)
+    gloss, known = found(replace(records, light=light, uneven=uneven)), found(seen_by(records, range(0, 40, 2)))
+    assert gloss.specularity == pytest.approx(known.specularity, rel=0.1)
+    assert gloss.roughness == pytest.approx(known.roughness, rel=0.1)
 
 
 def test_a_matt_floor_is_matt_although_gains_are_off() -> None:
