@@ -265,6 +265,8 @@ class _Fit:
 
 
 def _gloss(rows: _Rows, level_deviation: float) -> GlossOfPart:
+    from scipy.interpolate import CubicSpline  # loads slowly
+
     if rows.light.size == 0 or np.ptp(rows.lobes, axis=1).max() <= 0:
         return GlossOfPart(matt=NO_HIGHLIGHT)
     matt = _fit(rows, np.zeros(rows.light.size), 1.0)
@@ -277,11 +279,13 @@ def _gloss(rows: _Rows, level_deviation: float) -> GlossOfPart:
     matt = _fit(rows, np.zeros(rows.light.size), noise)
     witnesses = (int(rows.cluster.max()) + 1) / rows.light.size
     logs, fine = np.log(ROUGHNESS), np.linspace(np.log(ROUGHNESS[0]), np.log(ROUGHNESS[-1]), FINE)
-    cost = np.interp(fine, logs, [witnesses * fit.cost for fit in fits])
+    # Smooth, for a minimum between what was tried: a polygon has its own at one of them.
+    cost, value, own = (
+        np.maximum(CubicSpline(logs, each)(fine), 0.0)
+        for each in zip(*((witnesses * fit.cost, fit.specularity, fit.deviation) for fit in fits), strict=True)
+    )
     chance = np.exp(cost.min() - cost)
     chance /= chance.sum()
-    value = np.interp(fine, logs, [fit.specularity for fit in fits])
-    own = np.interp(fine, logs, [fit.deviation for fit in fits])
     middle, log_roughness = float(chance @ value), float(chance @ fine)
     spread = float(np.sqrt(chance @ (value - middle) ** 2 + chance @ own**2))
     log_spread = max(float(np.sqrt(chance @ (fine - log_roughness) ** 2)), MIN_LOG_ROUGHNESS)

@@ -43,9 +43,11 @@ FLOOR = bare_scan(np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0.0]]), 
 MATT_LEVEL, WHITE_LEVEL = 0.3, 2.0  # [1] of the floor; at which frames are cut
 
 
-def walk(specularity: float, roughness: float, *, white: float = WHITE_LEVEL, gain: float = 0.02) -> FrameRecords:
+def walk(
+    specularity: float, roughness: float, *, white: float = WHITE_LEVEL, gain: float = 0.02, seed: int = 3
+) -> FrameRecords:
     """A floor of 3 m x 3 m under the panel, in 40 frames along a ring, each off by a gain, each view by 2 %."""
-    generator = np.random.default_rng(3)
+    generator = np.random.default_rng(seed)
     points = np.column_stack([generator.uniform(0, 3, (400, 2)), np.zeros(400)])
     turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)
     camera = np.column_stack([1.5 + np.cos(turn), 1.5 + np.sin(turn), np.full(40, 1.45)])
@@ -101,6 +103,23 @@ def test_facets_are_tilted_by_the_slope_and_turned_by_the_angle(normal: tuple[fl
     np.testing.assert_allclose(half @ normal, 0.8)  # cosine of the angle whose tangent is .75
     in_surface = (half - 0.8 * normals) / 0.6
     np.testing.assert_allclose(in_surface @ in_surface[0], np.cos(turns), atol=1e-12)
+
+
+@pytest.mark.parametrize("roughness", [0.05, 0.13, 0.3])
+def test_a_roughness_between_those_that_are_tried_comes_back(roughness: float) -> None:
+    """It was one of these before, by up to an eighth off, and the specularity by a twentieth with it."""
+    gloss = found(walk(0.04, roughness), replace(LAMPS, log_deviation=0.0))
+    assert np.abs(np.log(ROUGHNESS / roughness)).min() > 0.03
+    assert gloss.roughness == pytest.approx(roughness, rel=0.02)
+    assert gloss.specularity == pytest.approx(0.04, rel=0.03)
+
+
+@pytest.mark.parametrize("gain", [0.02, 0.1])
+def test_deviations_are_those_of_what_comes_out(gain: float) -> None:
+    lamps = replace(LAMPS, log_deviation=0.0)  # which would hide them
+    told = [found(walk(0.04, 0.12, gain=gain, seed=seed), lamps) for seed in range(8)]
+    off = np.array([(each.specularity - 0.04) / each.specularity_deviation for each in told])
+    assert 0.1 < np.sqrt((off**2).mean()) < 1.5
 
 
 def test_a_sharp_lobe_that_a_lamp_fills_shows_the_lamp_itself() -> None:
