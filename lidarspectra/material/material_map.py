@@ -188,8 +188,9 @@ class MaterialMap:
         default -= typical
         if any(estimated) and default > 0:
             words.append(
-                f"{100 * default / total:.1f} % of the area has no colour in the scan and gets the default material. "
-                'Assign materials there (method = "file" under [materials]) if it is near the sensors.'
+                f"{100 * default / total:.1f} % of the area is cut at white in the scan, as lamps are, or has no "
+                "colour there, and gets the default material. "
+                'Assign other materials there (method = "file" under [materials]) if it is near the sensors.'
             )
         of_picture = np.array(estimated, dtype=np.bool_)[self.face_material]  # others have a material without one
         unseen = float((face_areas * (1.0 - self.face_seen))[of_picture].sum())
