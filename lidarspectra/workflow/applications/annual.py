@@ -41,6 +41,7 @@ from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.spectra.spectrum import BandSet
 from lidarspectra.words import two_digits
 from lidarspectra.workflow.pipeline import Listener, RunSummary, run
+from lidarspectra.workflow.rules.year import plane_notes
 from lidarspectra.workflow.run_folder.annual_inputs import FOLDER, with_inputs, year_inputs
 from lidarspectra.workflow.run_folder.calibration_of_run import calibrated_materials
 from lidarspectra.workflow.run_folder.inputs import Inputs, read_inputs
@@ -154,6 +155,7 @@ def annual_daylight(
     points, room = point_metrics(year), room_metrics(year)
     notes = (
         *_notes(transport, weather, section),
+        *plane_notes(year, summary.room.floor_at(np.stack([year["x"], year["y"]], axis=1))),
         *_calibration_notes(inputs.run_file),
         *placed.notes,
         *_glass_notes(summary, transport, placed.windows),
