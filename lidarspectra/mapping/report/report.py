@@ -173,9 +173,10 @@ def _sections(
 def _lead(report: ReportInput) -> str:
     dataset = report.spectral_map
     centers = dataset["band"].to_numpy()
+    span = f"at {centers[0]:g}" if centers.size == 1 else f"from {centers[0]:g} to {centers[-1]:g}"
     return (
-        f"Spectral irradiance at {counted(dataset.sizes['point'], 'point')} in {dataset.sizes['band']} bands from "
-        f"{centers[0]:g} to {centers[-1]:g} nm, computed from the scan {report.scan.file}."
+        f"Spectral irradiance at {counted(dataset.sizes['point'], 'point')} in {counted(centers.size, 'band')} {span} "
+        f"nm, computed from the scan {report.scan.file}."
     )
 
 
