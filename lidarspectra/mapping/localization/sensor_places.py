@@ -97,8 +97,8 @@ def choose_to_locate(
         Mean change of each place in units of its standard deviation; NaN where a channel is not usable. [1]
     count : int
         How many to choose.
-    positions_m : (place, 2) float, optional
-        Of the places; without them every mistake counts 1. [m]
+    positions_m : (place, axis) float, optional
+        Of the places, in three axes where they lie on several storeys; without them every mistake counts 1. [m]
     progress : Progress, optional
 
     Returns
@@ -118,7 +118,7 @@ def choose_to_locate(
     first, second = np.triu_indices(places, 1)
     cost = np.ones(first.size)
     if positions_m is not None:
-        where = float_array(positions_m, name="positions_m", shape=(places, 2))
+        where = float_array(positions_m, name="positions_m", shape=(places, None))
         cost = np.linalg.norm(where[first] - where[second], axis=1)
     squares = ((known[first] - known[second]) ** 2).sum(axis=2)  # (pair, sensor)
 

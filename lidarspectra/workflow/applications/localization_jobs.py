@@ -371,7 +371,7 @@ def place_to_locate(file: Path, count: int | None, out: Path, *, positions: Path
     """Choose sensors of a file of fingerprints to localize with, by default 8; see `sensor_places.choose_to_locate`."""
     table = read_fingerprints(file, positions)
     places = places_of_table(table)
-    known = places.positions_m[:, :2] if places.has_positions else None
+    known = places.positions_m if places.has_positions else None
     wanted = min(USUAL_SENSORS, table.sizes["sensor"]) if count is None else count
     chosen = choose_to_locate(place_changes(table), wanted, positions_m=known)
     unit = "m" if known is not None else "1"

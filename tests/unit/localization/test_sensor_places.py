@@ -46,6 +46,8 @@ def test_mistakes_count_by_their_distance() -> None:
     positions = np.array([[0.0, 0.0], [0.1, 0.0], [9.0, 0.0]])
     assert choose_to_locate(changes, 1).order.tolist() == [0]  # the first of equals
     assert choose_to_locate(changes, 1, positions_m=positions).order.tolist() == [1]
+    above = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 2.8]])  # the far place is a storey up
+    assert choose_to_locate(changes, 1, positions_m=above).order.tolist() == [1]
 
 
 def test_losses_fall_with_every_sensor() -> None:
