@@ -218,8 +218,10 @@ def _vertex_arrays(rows: list[list[float]]) -> tuple[FloatArray, FloatArray]:
             todo="The file is damaged; export the scan again.",
         )
     vertices = np.array([row[:3] for row in rows], dtype=np.float64).reshape(-1, 3)
-    none = [np.nan] * 3
-    colors = np.array([row[3:6] if len(row) >= 6 else none for row in rows], dtype=np.float64).reshape(-1, 3)
+    colors = np.full(vertices.shape, np.nan)
+    colored = [number for number, row in enumerate(rows) if len(row) >= 6]
+    if colored:
+        colors[colored] = [rows[number][3:6] for number in colored]
     # Some programs write bytes, others colours that rounding or light left a little above 1.
     scale = 255.0 if np.max(colors, initial=0.0, where=np.isfinite(colors)) > MOST_FLOAT_COLOR else 1.0
     return vertices, colors / scale
@@ -248,7 +250,7 @@ def _parts(
     if textured.any():
         corner_uv = uv[coordinates[textured]] * material.scale + material.offset
         yield MeshPart(vertices=vertices, faces=corners[textured], image=image, corner_uv=corner_uv)
-    painted = ~textured & np.isfinite(colors[corners]).all(axis=(1, 2))
+    painted = ~textured & np.isfinite(colors).all(axis=1)[corners].all(axis=1)
     if painted.any():
         yield MeshPart(vertices=vertices, faces=corners[painted], corner_color=colors[corners[painted]])
     plain = corners[~textured & ~painted]

@@ -1,19 +1,27 @@
 """The parts by which a screen that is on is told: single views of a rectangle, its edge, and its surroundings."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lidarspectra.arrays import FloatArray
+from lidarspectra.geometry.appearance import PHOTOGRAPHED
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.material.frames.records import FrameRecords
 from lidarspectra.material.frames.screen_rectangle import (
     CELL_M,
     PlaneView,
     framed_share,
     is_lit_around,
+    plane_view,
     shining_rectangle,
 )
 from lidarspectra.material.frames.screen_views import fall_from_normal, movement, rows_in
+from lidarspectra.material.frames.shining_places import ShiningPlaces
 from lidarspectra.room.panes.pane import Pane
+from lidarspectra.spectra.colorimetry import encode_srgb
 
 PANE = Pane(kind="screen", center=np.array([0.0, 1.0, 1.2]), size_m=(0.6, 0.4), normal=np.array([1.0, 0.0, 0.0]))
 FRAMES = 12
@@ -116,6 +124,11 @@ def test_the_rectangle_that_shines_is_found_with_its_frame(frame: int) -> None:
     assert shining_rectangle(with_screen(frame=frame), NOWHERE) == BOX
 
 
+def test_a_screen_that_fills_most_of_what_is_looked_at_is_held_against_the_wall_around_it() -> None:
+    large = (slice(21, 69), slice(21, 99))
+    assert shining_rectangle(with_screen(large), NOWHERE) == large
+
+
 def test_a_picture_that_moves_is_found_where_it_is_as_bright_as_the_wall() -> None:
     moves = NOWHERE.copy()
     moves[BOX] = True
@@ -183,6 +196,48 @@ def test_the_share_of_the_edge_that_is_dark_is_told() -> None:
     free = np.where(with_screen(frame=2) > 1.0, 2.0, np.nan)
     free[BOX] = np.where(np.isfinite(free[BOX]), free[BOX], 0.3)  # without a wall the picture alone counts
     assert framed_share(free, BOX, 2.0) == 1.0
+
+
+def test_a_plane_is_seen_from_before_it_in_units_of_the_light_that_falls_there() -> None:
+    """A wall that runs askew, 2 m wide, of paint .4 below and .8 above 1 m; half a metre of it behind a box."""
+    normal, along, up = np.array([0.6, -0.8, 0.0]), np.array([0.8, 0.6, 0.0]), np.array([0.0, 0.0, 1.0])
+
+    def quad(left: float, right: float, low: float, high: float, before: float) -> list[FloatArray]:
+        corners = ((left, low), (right, low), (right, high), (left, high))
+        return [3.0 * normal + before * normal + across * along + height * up for across, height in corners]
+
+    corners = [*quad(0, 2, 0, 1, 0), *quad(0, 2, 1, 2, 0), *quad(1.5, 2, 0, 2, 0.1), *quad(0, 0.5, 0, 2, -0.2)]
+    faces = np.array([[first, first + 1, first + 2] for first in (0, 4, 8, 12)])
+    faces = np.concatenate([faces, faces[:, [0, 2, 2]] + [0, 0, 1]])
+    scan = bare_scan(np.array(corners), faces)
+    paint = encode_srgb(np.array([0.4, 0.8, 0.2, 0.2] * 2))
+    color = np.repeat(np.repeat(paint[:, None, None], 3, axis=1), 3, axis=2)
+    scan = replace(scan, appearance=replace(scan.appearance, corner_color=color, color_source=np.full(8, PHOTOGRAPHED)))
+    caster = RayCaster(scan)
+    assert (scan.normals @ normal > 0.99).all()
+    places = np.array([3.0 * normal + across * along + height * up for across in (0.7, 1.3) for height in (0.5, 1.5)])
+    empty = np.zeros(0, dtype=np.int64)
+    records = FrameRecords(
+        points=np.concatenate([places, places]), normals=np.repeat([normal, -normal], 4, axis=0),
+        camera=np.zeros((1, 3)), place=empty, frame=empty, light=np.zeros(0, dtype=np.float32),
+        uneven=np.zeros(0, dtype=np.float32), clipped=np.zeros(0, dtype=np.bool_),
+    )  # fmt: skip
+    light = np.array([0.5, 1.0, 0.5, 1.0, 9.0, 9.0, 9.0, 9.0])  # the other side of the wall has its own
+    shining = ShiningPlaces(place=np.arange(8), level=np.zeros(8), light=light, moves=np.zeros(8))
+    view = plane_view(np.arange(4), records, shining, scan, caster)
+    np.testing.assert_allclose(view.normal, normal)
+    np.testing.assert_allclose(view.origin, 3.0 * normal + (0.7 - 0.9) * along + (0.5 - 0.9) * up)
+    rows, columns = np.indices(view.level.shape)
+    across, height = -0.2 + CELL_M * columns, -0.4 + CELL_M * rows
+    assert across.max() == pytest.approx(2.2, abs=1.5 * CELL_M)
+    assert height.max() == pytest.approx(2.4, abs=1.5 * CELL_M)
+    clear = (np.abs(height - 1.0) > 0.03) & (height > 0.03) & (height < 1.97) & (across > 0.03) & (across < 1.47)
+    np.testing.assert_allclose(view.level[clear & (height < 1.0)], 0.8, atol=1e-3)
+    np.testing.assert_allclose(view.level[clear & (height > 1.0)], 0.8, atol=1e-3)
+    beside = (
+        (height < -0.03) | (height > 2.03) | (across < -0.03) | ((across > 1.53) & (across < 1.97)) | (across > 2.03)
+    )
+    assert np.isnan(view.level[beside]).all()
 
 
 def test_a_rectangle_of_a_plane_is_where_its_squares_are() -> None:
