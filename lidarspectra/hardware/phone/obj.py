@@ -250,7 +250,8 @@ def _parts(
     if textured.any():
         corner_uv = uv[coordinates[textured]] * material.scale + material.offset
         yield MeshPart(vertices=vertices, faces=corners[textured], image=image, corner_uv=corner_uv)
-    painted = ~textured & np.isfinite(colors).all(axis=1)[corners].all(axis=1)
+    has_color = np.asarray(np.isfinite(colors).all(axis=1), dtype=np.bool_)
+    painted = ~textured & has_color[corners].all(axis=1)
     if painted.any():
         yield MeshPart(vertices=vertices, faces=corners[painted], corner_color=colors[corners[painted]])
     plain = corners[~textured & ~painted]
