@@ -179,6 +179,12 @@ def test_light_that_goes_on_beside_a_rectangle_is_no_screens() -> None:
     part[30:50, 72:76] = 1.3  # at one side: a fifth of the ring
     assert is_lit_around(part, BOX)
     assert not is_lit_around(np.where(level == 2.0, level, np.nan), BOX)  # it stands free, as a monitor does
+    near = wall()
+    near[18:62, 28:82], near[BOX] = 0.8, 2.0  # paint may be so bright, but the wall farther away is not
+    assert is_lit_around(near, BOX)
+    glint = with_screen()
+    glint[27, 55] = 9.0
+    assert not is_lit_around(glint, BOX)
     wide = wall(1.3)
     wide[BOX] = 2.0
     assert is_lit_around(wide, BOX)  # all of the wall sends more than paint could
@@ -193,6 +199,11 @@ def test_the_share_of_the_edge_that_is_dark_is_told() -> None:
     grey = with_screen(frame=2)
     grey[grey == 0.05] = 0.3  # dark beside the picture, and not beside the wall of .5
     assert framed_share(grey, BOX, 2.0) == 0.0
+    dark = with_screen(frame=2)
+    around = NOWHERE.copy()
+    around[22:58, 32:78] = True
+    dark[around & (dark < 1.0) & (dark > 0.1)] = 0.08  # beside a wall as dark as itself
+    assert framed_share(dark, BOX, 2.0) == 0.0
     free = np.where(with_screen(frame=2) > 1.0, 2.0, np.nan)
     free[BOX] = np.where(np.isfinite(free[BOX]), free[BOX], 0.3)  # without a wall the picture alone counts
     assert framed_share(free, BOX, 2.0) == 1.0
