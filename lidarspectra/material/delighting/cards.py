@@ -18,6 +18,7 @@ from lidarspectra.material.delighting.clipped_light import CLIPPED, DARK
 from lidarspectra.material.delighting.light_objective import CARD_DEVIATION, LOG_SCATTER
 from lidarspectra.material.delighting.linear_evidence import MAX_CUT
 from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
+from lidarspectra.spectra.colorimetry import decode_srgb
 
 REACH_M = 0.15  # [m] from a card's stated middle to the surface that it lies on: a tape measure, the scan's drift
 LOOKS = 200  # directions in which the surface is sought
@@ -31,6 +32,11 @@ SAME_PLANE_M, FLAT = 0.06, 0.95  # [m], [1] cosine: of what a card lies on
 # [1] standard deviations, rms over the cones, by which a card may differ from what the picture shows of it without any
 # card. Right ones were within 2.3; a slip of the place shows the floor, one of the number paper for a grey card.
 MAX_CONTRADICTION = 4.0
+EVEN = 1.1  # [1] ratio of a triangle's lightest corner to its darkest, up to which it shows one surface
+TOO_COARSE = (
+    "the scan has colours at the corners of its triangles alone, which lie too far apart for so small a card. Use a "
+    "larger one, or export the scan with its texture"
+)
 GOLDEN_TURN = np.pi * (3.0 - np.sqrt(5.0))  # [rad]
 
 
@@ -109,11 +115,12 @@ def look_at_cards(scan: Scan, caster: RayCaster, cards: Sequence[Card]) -> SeenC
         face, places = _points_of(scan, caster, card)
         shown = scan.appearance.sample(face, places[1])
         cut, dark = _is_cut(scan, face, shown), shown.max(axis=1) <= DARK
-        seen = scan.appearance.photographed[face]
-        usable = np.flatnonzero(seen & ~cut & ~dark)
+        seen, mixed = scan.appearance.photographed[face], _is_mixed(scan, face, places[0], card)
+        usable = np.flatnonzero(seen & ~cut & ~dark & ~mixed)
         if usable.size < LEAST_POINTS:
+            why = _why_not(seen & ~mixed, cut, dark) if (seen & ~mixed).any() or not seen.any() else TOO_COARSE
             notes.append(
-                f"The card at ({_place(card)}) tells nothing: {_why_not(seen, cut, dark)}, and scan again; or take it "
+                f"The card at ({_place(card)}) tells nothing: {why}, and scan again; or take it "
                 "out of [[materials.cards]]."
             )
             continue
@@ -233,6 +240,20 @@ def _is_cut(scan: Scan, face: IntArray, shown: FloatArray) -> BoolArray:
     """(point,) whether it is cut at white: in a picture by its level, in frames, which go beyond it, if all cut it."""
     linear = scan.appearance.linear
     return np.asarray(shown.max(axis=1) >= CLIPPED if linear is None else linear.face_cut[face] >= MAX_CUT)
+
+
+def _is_mixed(scan: Scan, face: IntArray, points: FloatArray, card: Card) -> BoolArray:
+    """(point,) whether its colour is that of corners some of which lie beside the card, however it is turned.
+
+    A texture shows the card itself; colours at corners are mixed across the triangles at its rim.
+    """
+    by_corner = scan.appearance.face_image[face] < 0
+    middle = points.mean(axis=0) if len(points) else card.center
+    corners = scan.vertices[scan.faces[face]] - middle
+    beside = np.linalg.norm(corners, axis=2).max(axis=1, initial=0.0) > card.size_m / 2.0
+    level = decode_srgb(scan.appearance.corner_color[face]).mean(axis=2)
+    differ = level.max(axis=1) > EVEN * level.min(axis=1)
+    return np.asarray(by_corner & beside & differ, dtype=np.bool_)
 
 
 def _why_not(seen: BoolArray, cut: BoolArray, dark: BoolArray) -> str:
