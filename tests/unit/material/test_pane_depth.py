@@ -106,6 +106,14 @@ def test_only_squares_that_are_left_are_looked_at() -> None:
     assert found(rows, ~of_pane((slice(3, 16), slice(6, 22)))) is None
 
 
+def test_paint_that_the_lidar_met_beside_an_arm_of_what_it_went_through_is_not_covered() -> None:
+    arm, post = (slice(2, 7), slice(2, 27)), (slice(2, 17), slice(2, 6))
+    pane = found(rows_of(of_pane(arm) | of_pane(post)))
+    assert pane is not None
+    assert (pane.mask >= of_pane(arm)).all()
+    assert not pane.mask[9:].any()
+
+
 SMALL, LARGE = (slice(2, 8), slice(2, 8)), (slice(11, 18), slice(12, 26))
 
 

@@ -14,7 +14,14 @@ from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.hardware.phone.frames import DepthMap, Frame
 from lidarspectra.material.delighting.tone_curve import ToneCurve
 from lidarspectra.material.frames.gains import Radiometry
-from lidarspectra.material.frames.pane_fit import Line, best_rectangle, fitted
+from lidarspectra.material.frames.pane_fit import (
+    NOISE,
+    Line,
+    best_rectangle,
+    fitted,
+    gains_of_squares,
+    gains_over_matt,
+)
 from lidarspectra.material.frames.seen_panes import line_of, panes_of_wall
 from lidarspectra.material.frames.wall_views import WallRows, views_of_walls
 from lidarspectra.room.panes.pane import Pane
@@ -269,6 +276,52 @@ def test_a_reflectance_comes_back_within_its_deviation_whatever_the_wall_itself_
         off.append((fit.share - 0.7) / fit.deviation)
     assert abs(np.mean(off)) < 0.8
     assert 0.6 < np.std(off) < 1.7  # 15 clusters: their deviation is a little short
+
+
+def test_squares_gain_by_themselves_and_with_their_neighbours_where_they_show_an_image() -> None:
+    """Of 12 x 16 squares the left half shows an image of .7 beside its own light; the last row nobody saw."""
+    generator, shape, frames = np.random.default_rng(7), (12, 16), 15
+    square, frame = (each.ravel() for each in np.meshgrid(np.arange(192), np.arange(frames), indexing="ij"))
+    predicted, own = generator.uniform(0.1, 0.9, square.size), generator.uniform(0.05, 0.3, 192)[square]
+    is_pane = np.arange(192).reshape(shape) % 16 < 8
+    shown = own + np.where(is_pane.ravel()[square], 0.7 * predicted, 0.35)
+    shown *= 1.0 + 0.02 * generator.normal(size=shown.size)
+    line = Line(square=square, frame=frame, shown=shown, predicted=predicted, shape=shape).some(square < 11 * 16)
+    over_matt = gains_over_matt(line, 0.7)
+    assert (over_matt[:11][is_pane[:11]] > 5.0).all()
+    assert (over_matt[:11][~is_pane[:11]] < -5.0).all()
+    assert (over_matt[11] == 0.0).all()
+    gain, share = gains_of_squares(line)
+    inner, outer = (slice(2, 9), slice(2, 6)), (slice(2, 9), slice(11, 14))  # whose window is one of them
+    assert (gain[inner] > 20.0).all()
+    assert share[inner] == pytest.approx(0.7, abs=0.02)
+    assert (gain[outer] < 2.0).all()
+    assert np.abs(share[outer]).max() < 0.05
+    few = gains_of_squares(line.some(line.frame < 2))
+    assert all(np.isnan(each).all() for each in few)
+
+
+def test_a_fit_says_by_how_much_it_beats_paint_and_how_much_of_the_light_is_the_walls_own() -> None:
+    generator = np.random.default_rng(4)
+    own, image = generator.uniform(0.1, 0.3, 20).repeat(15), generator.uniform(0.1, 0.9, 300)
+    line = _line(own + 0.7 * image, image, 15)
+    fit = fitted(line)
+    changes = own + 0.7 * image - (own + 0.7 * image).reshape(20, 15).mean(axis=1).repeat(15)
+    floor = ((NOISE * line.shown) ** 2).sum()  # nothing else is left of it
+    assert fit.gain == pytest.approx(0.5 * 15 * np.log(((changes**2).sum() + floor) / floor), rel=0.02)
+    assert fit.own == pytest.approx(np.median(own / line.shown), rel=0.01)
+    assert (fit.frames, fit.share) == (15, pytest.approx(0.7))
+
+
+def test_somebody_who_walks_through_some_frames_does_not_change_what_a_pane_reflects() -> None:
+    generator = np.random.default_rng(4)
+    own, image = generator.uniform(0.1, 0.3, 40).repeat(15), generator.uniform(0.1, 0.9, 600)
+    shown = own + 0.7 * image + 0.01 * generator.normal(size=600)
+    before = generator.random(600) < 0.1
+    fit = fitted(_line(np.where(before, 0.05, shown), image, 15))
+    assert fit.share == pytest.approx(0.7, abs=0.03)
+    plain = np.polyfit(image, np.where(before, 0.05, shown) - own, 1)[0]
+    assert plain < 0.67  # as least squares has it
 
 
 def test_rows_of_one_frame_are_one_witness() -> None:
