@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from lidarspectra.arrays import FloatArray
-from lidarspectra.geometry.appearance import PHOTOGRAPHED, LinearLight
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.geometry.appearance import NO_COLOR, PHOTOGRAPHED, LinearLight
 from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.material.frames.records import FrameRecords
+from lidarspectra.material.frames.screen_views import MIN_FRAMES
 from lidarspectra.material.frames.shining_places import (
-    MIN_FRAMES,
     ShiningPlaces,
     _cut_factors,
+    _gathered,
     _scatter,
     _upper_levels,
     shining_places,
@@ -95,6 +96,33 @@ def test_the_light_is_that_of_the_half_that_a_place_sees() -> None:
     found = shining(scan, records_of(scan, np.repeat(light[:, None], 8, axis=1)))
     # Of each square face of a cube, the adjacent ones have form factors of .2000.
     assert found.light.mean() == pytest.approx(0.2 + 0.2 * 0.8, rel=0.03)
+
+
+@pytest.mark.parametrize("walls", [0.3, 0.1])
+def test_light_of_what_is_cut_is_gathered_apart_and_what_no_frame_saw_is_as_bright_as_is_usual(walls: float) -> None:
+    scan = room(np.full(12, 0.2))
+    ceiling, floor = scan.centers[:, 2] > 1.4, scan.centers[:, 2] < -1.4
+    scan = room(np.where(ceiling, 1.0, np.where(floor, 0.9, walls)), cut=ceiling.astype(np.float64))
+    source = np.where(floor, NO_COLOR, PHOTOGRAPHED)
+    scan = replace(scan, appearance=replace(scan.appearance, color_source=source))
+    records = records_of(scan, np.full((12, 8), 0.4), each=60)
+    upright = np.flatnonzero(np.abs(records.normals[:, 2]) < 0.5)
+
+    def gathered(place: IntArray, scan: Scan) -> tuple[FloatArray, FloatArray]:
+        found = _gathered(place, records, scan, caster_of(scan), np.random.default_rng(0))
+        return found[:, 0], found[:, 1:].sum(axis=1)  # each of the ceiling's triangles is a source
+
+    known, cut = gathered(upright, scan)
+    assert known.mean() == pytest.approx(0.8 * walls, rel=0.05)  # form factors of .2: three walls and the floor
+    assert cut.mean() == pytest.approx(0.2, rel=0.1)  # places are drawn, and see it by up to a half
+    below = np.flatnonzero(records.normals[:, 2] > 0.5)
+    assert gathered(below, scan)[1].mean() == pytest.approx(0.2, rel=0.1)
+    kept = ~floor  # nothing comes from where the scan is open, and no light through its back
+    part = bare_scan(scan.vertices, scan.faces[kept])
+    part = replace(part, appearance=scan.appearance.select(kept))
+    known, cut = gathered(upright, part)
+    assert known.mean() == pytest.approx(0.6 * walls, rel=0.05)
+    assert cut.mean() == pytest.approx(0.2, rel=0.1)  # places are drawn, and see it by up to a half
 
 
 def test_what_all_frames_cut_sends_as_much_more_as_makes_planes_one_paint() -> None:
