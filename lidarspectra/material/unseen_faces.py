@@ -20,6 +20,7 @@ SMOOTH_COSINE = 0.94  # [1] of 20 degrees between neighbours of one piece, a sca
 PIECE_NORMAL_WEIGHT_M = 2.0  # [m] the same within a piece, whose corners a scanner may have rounded
 APART_M = 1e3  # [m] between pieces, more than any room
 LARGE_PIECE_M2, FAR_M = 1.0, 0.3  # [m²], [m] of pieces that are no thing's and lie beside none: walls, ceilings, floors
+GUESS_DEVIATION = 0.4  # [1] of the log of their reflectance: rms .45, median .31 (research.benchmarks.unseen_planes)
 LEVEL_WEIGHT_M = 2.0  # [m] distance equivalent to a turn of such a piece from upright to level
 NORMAL_WEIGHT_M = 0.15  # [m] distance equivalent to a turn of one radian: a board's underside is like its top
 MIN_SHOWN = 1e-3  # [1] of white, floor of what is divided by
@@ -33,15 +34,27 @@ class UnseenFaces:
     ----------
     faces, like : (unseen,) int
         Of the scan.
+    guessed : (unseen,) bool, optional
+        Which are of a wall, floor or ceiling of which nothing was seen, and like another one for want of better.
     """
 
     faces: IntArray
     like: IntArray
+    guessed: BoolArray | None = None
 
     def filled(self, values: FloatArray) -> FloatArray:
         """(face, 3) values, those of unseen faces being the ones of the faces that they are like."""
         result = values.copy()
         result[self.faces] = values[self.like]
+        return result
+
+    def widened(self, deviation: FloatArray) -> FloatArray:
+        """(face, 3) deviations of log reflectance, with what a guess may be off."""
+        if self.guessed is None:
+            return deviation
+        result = deviation.copy()
+        guessed = self.faces[self.guessed]
+        result[guessed] = np.hypot(result[guessed], GUESS_DEVIATION)
         return result
 
     def excess(self, excess: FloatArray, shown: FloatArray, reflectance: FloatArray, light: FloatArray) -> FloatArray:
@@ -72,11 +85,12 @@ def unseen_faces(scan: Scan, known: BoolArray) -> UnseenFaces:
     faces = np.flatnonzero(unseen & (appearance.face_kinds < 0))
     if not faces.size:
         return UnseenFaces(faces=nowhere, like=nowhere)
-    return UnseenFaces(faces=faces, like=_like(scan, faces, np.flatnonzero(known)))
+    like, guessed = _like(scan, faces, np.flatnonzero(known))
+    return UnseenFaces(faces=faces, like=like, guessed=guessed)
 
 
-def _like(scan: Scan, faces: IntArray, seen: IntArray) -> IntArray:
-    """Of (n,) faces without a colour, those of the (m,) seen ones that they are taken to be like.
+def _like(scan: Scan, faces: IntArray, seen: IntArray) -> tuple[IntArray, BoolArray]:
+    """Of (n,) faces without a colour, those of the (m,) seen ones that they are like, and which of that are guesses.
 
     A face of a piece that is partly seen is like the nearest that looks the same way there: half a wall without a
     picture is no floor, however near. Else things are like their other sides; but a whole wall or ceiling that no
@@ -93,7 +107,9 @@ def _like(scan: Scan, faces: IntArray, seen: IntArray) -> IntArray:
     alone = whole[_are_alone(scan, faces[whole], seen, piece)]
     level = np.hstack([centers, NORMAL_WEIGHT_M * normals[:, :2], LEVEL_WEIGHT_M * normals[:, 2:]])
     like[alone] = _nearest(level, faces[alone], seen)
-    return like
+    guessed = np.zeros(faces.size, dtype=np.bool_)
+    guessed[alone] = True
+    return like, guessed
 
 
 def _smooth_pieces(scan: Scan) -> IntArray:

@@ -416,6 +416,7 @@ def _of_faces(picture: PictureEvidence, fitted: _Fitted) -> tuple[FloatArray, Fl
     deviation = np.hypot(spread @ fitted.light_deviation(picture), paints.deviation(CELL_M)[:, None])
     deviation = np.hypot(deviation, dark.deviation)
     deviation[white.face] = np.hypot(deviation[white.face], white.deviation[:, None])
+    deviation = surfaces.unseen.widened(deviation)
     for pane in (source.faces for source in sources if source.is_pane):
         color[pane], deviation[pane] = PANE_REFLECTANCE, PANE_DEVIATION
     return patches.filled(color), patches.widened(deviation), paints, dark

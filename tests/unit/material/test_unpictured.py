@@ -58,8 +58,17 @@ def test_a_wall_of_which_no_picture_shows_anything_is_mostly_like_other_walls() 
     scan, _ = box_scan(cells=12)
     wall = scan.normals[:, 0] > 0.9
     upright = np.abs(scan.normals[:, 2]) < 0.5
-    taken = unseen_faces(blackened(scan, wall), ~wall).like
-    assert np.mean(upright[taken]) > 0.8
+    unseen = unseen_faces(blackened(scan, wall), ~wall)
+    assert np.mean(upright[unseen.like]) > 0.8
+    assert unseen.guessed is not None
+    assert unseen.guessed.all()
+    widened = unseen.widened(np.full((len(wall), 3), 0.05))
+    assert widened[wall].min() > 0.3  # no picture tells its reflectance to 5 %
+    assert widened[~wall].max() == 0.05
+    half = wall & (scan.centers[:, 1] < scan.centers[:, 1].mean())
+    told = unseen_faces(blackened(scan, half), ~half)
+    assert told.guessed is not None
+    assert not told.guessed.any()
 
 
 def test_the_underside_of_a_large_board_is_like_its_top_not_like_the_ceiling() -> None:
