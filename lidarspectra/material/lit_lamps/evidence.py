@@ -85,6 +85,18 @@ IN_BRIGHT_PAINT = Demands(
     protrusion_m=-RECESS_M,
     gray=0.5,
 )
+# Amid ceiling that it lights until both are cut at white. A smoke detector there is smaller, a beam longer.
+IN_OWN_POOL = Demands(
+    contrast=1.6,
+    saturated_share=0.9,
+    overlap=0.8,
+    bounded_share=0.0,
+    rim_m=np.inf,
+    min_side_m=0.18,
+    most_area_m2=1.0,
+    protrusion_m=0.04,
+    gray=0.5,
+)
 HANGING = Demands(
     contrast=2.5,
     saturated_share=0.8,

@@ -19,6 +19,7 @@ from lidarspectra.lamps.shapes import Shape, shape_of
 from lidarspectra.material.lit_lamps.evidence import (
     FLUSH_M,
     IN_BRIGHT_PAINT,
+    IN_OWN_POOL,
     NO_CONTRAST,
     NO_RIM,
     ON_CEILING,
@@ -201,8 +202,9 @@ def _judged(survey: Survey, box: tuple[FloatArray, FloatArray]) -> Iterator[LitL
         fit = fit_outline(patch)
         lit = gather_evidence(picture, usable, patch, fit, kind=survey.kind, around=around, core=core)
         result = _lamp_or_not(survey, picture, patch, fit, lit, demands_on(survey.kind, lit.height_m))
-        if isinstance(result, BrightPatch) and survey.kind == "ceiling" and result.reason in OF_PAINT:
-            yield from _in_bright_paint(survey, picture, usable, patch) or (result,)
+        if isinstance(result, BrightPatch) and survey.kind == "ceiling":
+            within = _in_bright_paint(survey, picture, usable, patch) if result.reason in OF_PAINT else ()
+            yield from within or _out_of_own_pool(survey, picture, usable, patch, around) or (result,)
         else:
             yield result
 
@@ -233,6 +235,27 @@ def _in_bright_paint(survey: Survey, picture: PlanePicture, usable: BoolArray, p
         lit = gather_evidence(picture, usable, cut, fit, kind=survey.kind, around=around, core=1.0)
         result = _lamp_or_not(survey, picture, cut, fit, lit, IN_BRIGHT_PAINT)
         if isinstance(result, LitLamp) and lit.height_m <= FLUSH_M:  # a white board may hang lower, in a lamp's beam
+            found.append(result)
+    return tuple(found)
+
+
+def _out_of_own_pool(
+    survey: Survey, picture: PlanePicture, usable: BoolArray, patch: BoolArray, around: float
+) -> tuple[LitLamp, ...]:
+    """Lamps that light the ceiling beside them until it is as white as they are: bodies that stand out of the pool.
+
+    Opal drums and bowls send a third of their light sideways and up. The picture, cut at white, has no rim of them, but
+    the mesh has one.
+    """
+    stands_out = usable & (picture.height >= IN_OWN_POOL.protrusion_m) & (picture.height <= FLUSH_M)
+    white = stands_out & (picture.color.min(axis=2) >= CLIPPED)
+    found = []
+    for body in _patches(white, patch, picture.pixel_m):
+        fit = fit_outline(body)
+        lit = gather_evidence(picture, usable, body, fit, kind=survey.kind, around=around, core=1.0)
+        lit = replace(lit, contrast=float(picture.luminance[body].mean()) / max(around, 1e-3))  # of what is beyond
+        result = _lamp_or_not(survey, picture, body, fit, lit, IN_OWN_POOL)
+        if isinstance(result, LitLamp):
             found.append(result)
     return tuple(found)
 

@@ -136,6 +136,32 @@ def test_paint_that_is_cut_at_white_is_no_lamp(builder, plain, brightest) -> Non
     assert lamps_in(room_with(builder, plain)) == ()
 
 
+def drum(half_m: float, *, height_m: float = 0.08, color=(255, 255, 255)):
+    """An opal lamp below the ceiling, as a box."""
+    low, high = [2.0 - half_m, 1.5 - half_m, 2.49 - height_m], [2.0 + half_m, 1.5 + half_m, 2.49]
+    return low, high, color
+
+
+@pytest.mark.parametrize("radius_m", [0.5, 0.8])
+def test_a_lamp_that_lights_the_ceiling_beside_it_to_white_is_found_where_it_stands_out(
+    builder, plain, radius_m
+) -> None:
+    bright_paint(plain, (2.0, 1.5), radius_m, 400.0)
+    (lamp,) = lamps_in(room_with(builder, plain, boxes=[drum(0.2)]))
+    np.testing.assert_allclose(lamp.center, [2.0, 1.5, 2.41 - 0.055], atol=0.02)
+    np.testing.assert_allclose(lamp.shape.size, [0.4, 0.4], atol=0.03)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [drum(0.05), drum(0.2, height_m=0.02), drum(0.2, height_m=0.3), drum(0.2, color=(225, 225, 225))],
+    ids=["a smoke detector", "a flat cover", "a boxed-in duct", "a grey box"],
+)
+def test_what_stands_out_of_a_pool_of_light_and_is_no_lamp(builder, plain, body) -> None:
+    bright_paint(plain, (2.0, 1.5), 0.6, 400.0)
+    assert lamps_in(room_with(builder, plain, boxes=[body])) == ()
+
+
 @pytest.mark.parametrize(
     ("what", "draw"),
     [
