@@ -1,9 +1,10 @@
-"""Lamps that are lit in a scan's texture: bright, bounded, simple outlines on ceilings and walls.
+"""Lamps that are lit in a scan's texture: bright, bounded, simple outlines on ceilings and walls, and free bodies.
 
 Method, for each plane: an orthographic picture at 1 cm; pixels far brighter than their surroundings seed patches; each
 patch is pictured again, finely, and cut at 60 % of the way from its surroundings to its own brightness; it is a lamp if
 it is saturated, sharply bounded on all sides, level with its plane and of the outline of a rectangle or a disc.
-Windows, reflections in glass, screens and pools of light fail one of these, and each patch left out says which.
+Windows, reflections in glass, screens and pools of light fail one of these, and each patch left out says which. What
+stands or hangs free and is white all around is found in the mesh (`lit_bodies`).
 """
 
 from collections.abc import Iterator
@@ -35,6 +36,7 @@ from lidarspectra.material.lit_lamps.evidence import (
     grown,
     opened,
 )
+from lidarspectra.material.lit_lamps.lit_bodies import LitBody, lit_bodies
 from lidarspectra.material.lit_lamps.outline_fit import OutlineFit, fit_outline
 from lidarspectra.material.lit_lamps.plane_picture import PlanePicture
 from lidarspectra.material.lit_lamps.surveys import Survey, seeds, surveys
@@ -45,6 +47,7 @@ CUT_LEVEL = 0.6  # [1] between surroundings (0) and patch (1): clipping lifts a 
 OF_PAINT = (TOO_LARGE, NO_CONTRAST, UNBOUNDED, NO_RIM)  # why bright paint is no lamp; but one may be in it
 CLIPPED = 0.97  # [1] of all channels, from which on a pixel is cut at white
 CLEARANCE_M = 0.055  # [m] distance of lamps from the mesh, whose noise would shade nearer ones
+BULB_GAP_M = 0.01  # [m] around a body's faces, to the globe that shines in its place
 BUMP_M = 0.15  # [m] higher bumps beside a lamp (a sprinkler) are ignored for its distance
 SQUARE_ASPECT = 1.05  # [1] length over width below which a panel is square, and its turn known but for 90 degrees
 WORTH_TELLING_M2 = 0.005  # [m²] smaller bright patches are not reported when they are left out
@@ -56,12 +59,12 @@ class LitLamp:
 
     Parameters
     ----------
-    shape : Panel, Strip or Disc
-        Rectangles longer than 2.5 times their width are strips.
+    shape : Panel, Strip, Disc or Bulb
+        Rectangles longer than 2.5 times their width are strips. A bulb holds a body that is white all around.
     center : (3,) float
-        Clear of the mesh by 5.5 cm. [m]
+        Clear of the mesh by 5.5 cm, but a bulb's. [m]
     normal : (3,) float
-        Unit vector that it shines along.
+        Unit vector that it shines along; of no matter for a bulb.
     rotation_deg : float
         Turn of the length about the normal, from the x axis (from y where the normal is along x). [deg]
     mean_color : (3,) float
@@ -153,7 +156,7 @@ def find_lit_lamps(scan: Scan, room: Room, *, caster: RayCaster | None = None) -
 
 
 def search_lit_lamps(scan: Scan, room: Room, *, caster: RayCaster | None = None) -> LampSearch:
-    """Search ceiling and walls for lit lamps, and list the rejected patches.
+    """Search ceiling, walls and what stands free for lit lamps, and list the rejected patches.
 
     Parameters
     ----------
@@ -182,8 +185,32 @@ def search_lit_lamps(scan: Scan, room: Room, *, caster: RayCaster | None = None)
                     found.append(result)
                 elif result.area_m2 >= WORTH_TELLING_M2:
                     left_out.append(result)
-    lamps = _without_doubles(found)
+    bodies = [_lamp_of_body(body) for body in lit_bodies(scan, rays)]
+    lamps = [*bodies, *_without_doubles(_outside_of(bodies, found))]
     return LampSearch(lamps=_in_rows(lamps, room), left_out=tuple(left_out))
+
+
+def _lamp_of_body(body: LitBody) -> LitLamp:
+    """A globe that holds a body, none of whose faces then hides its light."""
+    return LitLamp(
+        shape=shape_of("bulb", (2.0 * (body.radius_m + BULB_GAP_M),)),
+        center=body.center,
+        normal=np.array([0.0, 0.0, -1.0]),
+        rotation_deg=0.0,
+        mean_color=body.color,
+        saturated_share=body.white_share,
+        contrast=body.contrast,
+        overlap=body.white_share,
+    )
+
+
+def _outside_of(bodies: list[LitLamp], lamps: list[LitLamp]) -> list[LitLamp]:
+    """Lamps but those that are a side of a body."""
+    return [
+        lamp
+        for lamp in lamps
+        if all(np.linalg.norm(lamp.center - body.center) > 0.5 * body.shape.size[0] + CLEARANCE_M for body in bodies)
+    ]
 
 
 def _judged(survey: Survey, box: tuple[FloatArray, FloatArray]) -> Iterator[LitLamp | BrightPatch]:

@@ -1,0 +1,147 @@
+"""Lamps that stand or hang free in a room and are lit in a scan's texture: globes, lampshades, wall lights.
+
+Method: faces that the phone cut at white are gathered to bodies. A body is a lamp if it is white all around, the sides
+that look away from every other light too, if nothing but a stem is near it, and if most of the room is darker. White
+paint in a lamp's or a window's light is white on the side of that light only.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.spectra.colorimetry import LUMINANCE_FROM_SRGB
+
+WHITE, GRAY = 0.95, 0.5  # [1] brightest channel of what shines, and its darkest over that
+CELL_M = 0.05  # [m] of the lattice in which what is white hangs together
+MAX_CELLS = 5e7  # of it: a room of 80 m x 80 m; none is looked for in what is larger
+SIDES_M = (0.05, 0.7)  # [m] least and largest extent of a body
+MIN_AREA_M2 = 0.015  # [m²] of a globe of 7 cm
+WHITE_SHARE = 0.75  # [1] of the area within reach of a body, a stem and its foot left to the rest
+ROUND = 0.5  # [1] length of a body's mean normal; 0 of a globe or an open shade, 1 of a flat patch
+OPEN_SHARE = 0.8  # [1] of the directions from a body in which nothing is near
+OPEN_M = 0.06  # [m] how far they must be free
+CONTRAST = 2.0  # [1] over the median luminance of the room: where most is white, paint is white all around
+DIRECTIONS, GOLDEN_ANGLE = 64, np.pi * (3.0 - np.sqrt(5.0))  # [rad] of a spiral on a sphere around a body
+STEM, STEM_ROUNDS = (
+    1.4,
+    3,
+)  # [1] of the median distance from a body's middle, beyond which a face is not counted with it
+STEM_M = 0.02  # [m] around a body's white faces, in which others are of the same body
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LitBody:
+    """A body that is white all around.
+
+    Parameters
+    ----------
+    center : (3,) float
+        Of its extent. [m]
+    radius_m : float
+        Of the sphere about it that holds its white faces. [m]
+    color : (3,) float
+        Mean linear sRGB. [0-1]
+    white_share : float
+        Of its area. [0-1]
+    contrast : float
+        Its luminance over the median of the room's, a lower bound where it is clipped. [1]
+    """
+
+    center: FloatArray
+    radius_m: float
+    color: FloatArray
+    white_share: float
+    contrast: float
+
+
+def lit_bodies(scan: Scan, caster: RayCaster) -> Iterator[LitBody]:
+    """Bodies of a scan that are cut at white all around.
+
+    Parameters
+    ----------
+    scan : Scan
+        Whose appearance tells a lamp: what no photograph shows is dark there.
+    caster : RayCaster
+        The scan's.
+
+    Yields
+    ------
+    body : LitBody
+    """
+    color = scan.face_colors()
+    brightest = color.max(axis=1)
+    white = np.flatnonzero((brightest >= WHITE) & (color.min(axis=1) >= GRAY * brightest) & (scan.areas > 0))
+    if not white.size:
+        return
+    usual = _weighted_median(color @ LUMINANCE_FROM_SRGB, scan.areas)
+    for faces in _pieces(scan, white):
+        body = _body(scan, caster, color, usual, faces)
+        if body is not None:
+            yield body
+
+
+def _pieces(scan: Scan, faces: IntArray) -> Iterator[IntArray]:
+    """Faces that hang together, cell by cell: not by their corners, which many apps give each face for itself."""
+    cell = np.floor(scan.centers[faces] / CELL_M).astype(np.int64)
+    cell -= cell.min(axis=0)
+    if np.prod(cell.max(axis=0) + 1.0) > MAX_CELLS:
+        return
+    occupied = np.zeros(cell.max(axis=0) + 1, dtype=np.bool_)
+    occupied[tuple(cell.T)] = True
+    label, count = ndimage.label(occupied, structure=np.ones((3, 3, 3)))
+    of_face = label[tuple(cell.T)] - 1
+    order = np.argsort(of_face, kind="stable")
+    yield from np.split(faces[order], np.cumsum(np.bincount(of_face, minlength=count))[:-1])
+
+
+def _body(scan: Scan, caster: RayCaster, color: FloatArray, usual: float, faces: IntArray) -> LitBody | None:
+    """The body of some white faces, or None where it is none or may be paint; `usual` is the room's luminance."""
+    faces = _without_stem(scan, faces)
+    corners = scan.corners[faces].reshape(-1, 3)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    areas, sides = scan.areas[faces], high - low
+    if sides.min() < SIDES_M[0] or sides.max() > SIDES_M[1] or areas.sum() < MIN_AREA_M2:
+        return None
+    if np.linalg.norm(areas @ scan.normals[faces]) > ROUND * areas.sum():
+        return None
+    center = 0.5 * (low + high)
+    radius = float(np.linalg.norm(corners - center, axis=1).max())
+    within = ((scan.centers >= low - STEM_M) & (scan.centers <= high + STEM_M)).all(axis=1)
+    white_share = float(areas.sum() / scan.areas[within].sum())
+    mean = np.asarray(areas @ color[faces] / areas.sum())
+    contrast = float(mean @ LUMINANCE_FROM_SRGB) / max(usual, 1e-3)
+    if white_share < WHITE_SHARE or contrast < CONTRAST or not _is_free(caster, center, radius, faces):
+        return None
+    return LitBody(center=center, radius_m=radius, color=mean, white_share=min(white_share, 1.0), contrast=contrast)
+
+
+def _without_stem(scan: Scan, faces: IntArray) -> IntArray:
+    """Faces but those much farther from their middle than most: what holds a shade is white in its light, too."""
+    for _ in range(STEM_ROUNDS):
+        areas = scan.areas[faces]
+        middle = [_weighted_median(axis, areas) for axis in scan.centers[faces].T]
+        away = np.linalg.norm(scan.centers[faces] - middle, axis=1)
+        faces = faces[away <= STEM * _weighted_median(away, areas)]
+    return faces
+
+
+def _weighted_median(values: FloatArray, weights: FloatArray) -> float:
+    rising = np.argsort(values)
+    mass = np.cumsum(weights[rising])
+    return float(values[rising][np.searchsorted(mass, 0.5 * mass[-1])])
+
+
+def _is_free(caster: RayCaster, center: FloatArray, radius: float, faces: IntArray) -> bool:
+    """Whether nothing but faces of a body is met on most ways to it: what lies on a table or a wall is half hidden."""
+    turn, height = GOLDEN_ANGLE * np.arange(DIRECTIONS), 1.0 - (2.0 * np.arange(DIRECTIONS) + 1.0) / DIRECTIONS
+    across = np.sqrt(1.0 - height**2)
+    ways = np.column_stack([across * np.cos(turn), across * np.sin(turn), height])
+    reach = radius + OPEN_M
+    hits = caster.nearest(center + reach * ways, -ways, max_distance=reach)
+    hidden = hits.met & ~np.isin(hits.face, faces)
+    return float(1.0 - hidden.mean()) >= OPEN_SHARE
