@@ -9,16 +9,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, distinct_rows, linked
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.spectra.colorimetry import LUMINANCE_FROM_SRGB
 
 WHITE, GRAY = 0.95, 0.5  # [1] brightest channel of what shines, and its darkest over that
 CELL_M = 0.05  # [m] of the lattice in which what is white hangs together
-MAX_CELLS = 5e7  # of it: a room of 80 m x 80 m; none is looked for in what is larger
 SIDES_M = (0.05, 0.7)  # [m] least and largest extent of a body
 MIN_AREA_M2 = 0.015  # [m²] of a globe of 7 cm
 WHITE_SHARE = 0.75  # [1] of the area within reach of a body, a stem and its foot left to the rest
@@ -75,33 +74,31 @@ def lit_bodies(scan: Scan, caster: RayCaster) -> Iterator[LitBody]:
     """
     color = scan.face_colors()
     brightest = color.max(axis=1)
-    white = np.flatnonzero((brightest >= WHITE) & (color.min(axis=1) >= GRAY * brightest) & (scan.areas > 0))
+    is_white = (brightest >= WHITE) & (color.min(axis=1) >= GRAY * brightest)
+    white = np.flatnonzero(is_white & (scan.areas > 0))
     if not white.size:
         return
     usual = _weighted_median(color @ LUMINANCE_FROM_SRGB, scan.areas)
     for faces in _pieces(scan, white):
-        body = _body(scan, caster, color, usual, faces)
+        body = _body(scan, caster, is_white, usual, faces)
         if body is not None:
             yield body
 
 
 def _pieces(scan: Scan, faces: IntArray) -> Iterator[IntArray]:
     """Faces that hang together, cell by cell: not by their corners, which many apps give each face for itself."""
-    cell = np.floor(scan.centers[faces] / CELL_M).astype(np.int64)
-    cell -= cell.min(axis=0)
-    if np.prod(cell.max(axis=0) + 1.0) > MAX_CELLS:
-        return
-    occupied = np.zeros(cell.max(axis=0) + 1, dtype=np.bool_)
-    occupied[tuple(cell.T)] = True
-    label, count = ndimage.label(occupied, structure=np.ones((3, 3, 3)))
-    of_face = label[tuple(cell.T)] - 1
-    order = np.argsort(of_face, kind="stable")
-    yield from np.split(faces[order], np.cumsum(np.bincount(of_face, minlength=count))[:-1])
+    cells, cell = distinct_rows(np.floor(scan.centers[faces] / CELL_M).astype(np.int64))
+    neighbours = cKDTree(cells).query_pairs(1.0, p=np.inf, output_type="ndarray")
+    piece = linked(neighbours, len(cells))[cell]
+    order = np.argsort(piece, kind="stable")
+    yield from np.split(faces[order], np.cumsum(np.bincount(piece))[:-1])
 
 
-def _body(scan: Scan, caster: RayCaster, color: FloatArray, usual: float, faces: IntArray) -> LitBody | None:
+def _body(scan: Scan, caster: RayCaster, is_white: BoolArray, usual: float, faces: IntArray) -> LitBody | None:
     """The body of some white faces, or None where it is none or may be paint; `usual` is the room's luminance."""
-    faces = _without_stem(scan, faces)
+    faces = _outer_faces(scan, faces)
+    if not faces.size:
+        return None
     corners = scan.corners[faces].reshape(-1, 3)
     low, high = corners.min(axis=0), corners.max(axis=0)
     areas, sides = scan.areas[faces], high - low
@@ -112,21 +109,28 @@ def _body(scan: Scan, caster: RayCaster, color: FloatArray, usual: float, faces:
     center = 0.5 * (low + high)
     radius = float(np.linalg.norm(corners - center, axis=1).max())
     within = ((scan.centers >= low - STEM_M) & (scan.centers <= high + STEM_M)).all(axis=1)
-    white_share = float(areas.sum() / scan.areas[within].sum())
-    mean = np.asarray(areas @ color[faces] / areas.sum())
+    white_share = float(np.average(is_white[within], weights=scan.areas[within]))
+    mean = np.asarray(areas @ scan.face_colors()[faces] / areas.sum())
     contrast = float(mean @ LUMINANCE_FROM_SRGB) / max(usual, 1e-3)
     if white_share < WHITE_SHARE or contrast < CONTRAST or not _is_free(caster, center, radius, faces):
         return None
-    return LitBody(center=center, radius_m=radius, color=mean, white_share=min(white_share, 1.0), contrast=contrast)
+    return LitBody(center=center, radius_m=radius, color=mean, white_share=white_share, contrast=contrast)
 
 
-def _without_stem(scan: Scan, faces: IntArray) -> IntArray:
-    """Faces but those much farther from their middle than most: what holds a shade is white in its light, too."""
+def _outer_faces(scan: Scan, faces: IntArray) -> IntArray:
+    """Faces that look away from their middle, but those much farther from it than most.
+
+    What holds a shade is white in its light, and so is the ceiling or wall beside it, which looks at it.
+    """
     for _ in range(STEM_ROUNDS):
         areas = scan.areas[faces]
         middle = [_weighted_median(axis, areas) for axis in scan.centers[faces].T]
-        away = np.linalg.norm(scan.centers[faces] - middle, axis=1)
-        faces = faces[away <= STEM * _weighted_median(away, areas)]
+        ways = scan.centers[faces] - middle
+        away = np.linalg.norm(ways, axis=1)
+        outward = np.einsum("fk,fk->f", ways, scan.normals[faces]) > 0
+        faces = faces[outward & (away <= STEM * _weighted_median(away, areas))]
+        if not faces.size:
+            break
     return faces
 
 
