@@ -9,6 +9,7 @@ import pytest
 from lidarspectra.errors import ArrayError, SceneError
 from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.mapping.figures.floor_plan import floor_plan
 from lidarspectra.room.floor_levels import OtherFloors
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.other_levels import other_levels
@@ -279,3 +280,13 @@ def test_a_level_above_which_nobody_stands_upright_is_no_floor(builder) -> None:
     room = walls_from(builder, 1.0)
     room.rectangle([0, 0, 1.0], [3, 0, 0], [0, 3, 0])
     assert floor_of_patch(room, {1.0: 9.0}) is None
+
+
+def test_a_map_s_height_is_that_above_the_floor_below_it(builder) -> None:
+    scan = two_rooms(builder, 0.3)
+    room = find_room(scan)
+    drawn = np.array([[6.0, 1.0, 1.15], [7.0, 2.0, 1.15]])
+    floor_z = float(np.median(room.floor_at(drawn)))
+    plan = floor_plan(scan, room, level_m=1.15, floor_z=floor_z)
+    assert plan.air is not None
+    assert plan.air.height_m == pytest.approx(0.85, abs=0.01)
