@@ -7,6 +7,7 @@
   const SENSOR_COLOR = 0x1f78ff;
   const DOUBT_COLOR = 0xe0362c;
   const SENSOR_RADIUS = 1.5; // of a point's
+  const MAX_PERCENT = 1000; // of a deviation: in the dark it would be any number, and more says no more
   const STALE_S = 5; // without news the page says so
   const PLATE_PADDING_PX = 17;
   const DRAW_EVERY_MS = 400;
@@ -52,7 +53,7 @@
     const { value, sd } = state.now.map;
     const start = (state.quantity % about.quantities.length) * count;
     if (state.quantity < about.quantities.length) return (point) => value[start + point];
-    return (point) => (100 * sd[point]) / Math.max(value[point], 1e-9); // deviation of the first quantity
+    return (point) => Math.min((100 * sd[point]) / Math.max(value[point], 1e-9), MAX_PERCENT); // of the first quantity
   };
   const unit = () => (state.quantity < about.quantities.length ? about.quantities[state.quantity].unit : "%");
   const title = () =>
