@@ -17,6 +17,7 @@ LOWEST_CCT_K = 1000.0  # [K] a glowing wire that hardly shines
 HIGHEST_CCT_K = 25000.0  # [K] the daylight formulas end there
 DARK_CHANNEL = 1e-3  # [1] of a lamp's brightest channel; relative errors below it are meaningless
 DARK_END = 1e-3  # [1] of a spectrum's peak: where it ends above it, light goes on beyond
+MAX_BEYOND = 0.05  # [1] of a channel's light, which may come beyond such an end: more is no light to compare with
 MAX_UNKNOWN_SHARE = 0.02  # [1] of a channel's response beyond such an end: a full width from it
 CCT_CORRECTION = 1.4388 / 1.4380  # [1] of a nominal daylight temperature, c2 then and now (CIE 15:2018, D illuminants)
 
@@ -51,7 +52,7 @@ def dark_channels(fluxes: Sequence[Spectrum], bands: BandSet) -> BoolArray:
     """Channels in which no lamp sends light to speak of, as 940 nm of LEDs whose spectra end at 780 nm.
 
     What a channel's tail gathers of them there is no light to compare a reading with: that is stray light, or what the
-    spectrum does not tell.
+    spectrum does not tell. So is a part of a channel's light, as 810 nm has of daylight, which is computed to 800 nm.
 
     Parameters
     ----------
@@ -62,10 +63,20 @@ def dark_channels(fluxes: Sequence[Spectrum], bands: BandSet) -> BoolArray:
     Returns
     -------
     dark : (band,) bool
-        Where each lamp sends less than a thousandth of what it sends into its own brightest channel.
+        Where each lamp sends less than a thousandth of what it sends into its own brightest channel, or all together
+        may send more than a twentieth of their light there beyond the ends of their spectra (`beyond_ends`).
     """
     sent = np.stack([bands.band_values(flux, outside="zero") for flux in fluxes])
-    return np.asarray((sent <= DARK_CHANNEL * sent.max(axis=1, keepdims=True)).all(axis=0), dtype=np.bool_)
+    brightest = sent.max(axis=1, keepdims=True)
+    dark = (sent <= DARK_CHANNEL * brightest).all(axis=0) | partly_known(fluxes, bands)
+    return np.asarray(dark, dtype=np.bool_)
+
+
+def partly_known(fluxes: Sequence[Spectrum], bands: BandSet) -> BoolArray:
+    """(band,) where more than `MAX_BEYOND` of all lamps' light may come beyond the ends of their spectra."""
+    sent = np.stack([bands.band_values(flux, outside="zero") for flux in fluxes])
+    beyond = (beyond_ends(fluxes, bands) * sent.max(axis=1, keepdims=True)).sum(axis=0)
+    return np.asarray(beyond > MAX_BEYOND * sent.sum(axis=0), dtype=np.bool_)
 
 
 def beyond_ends(fluxes: Sequence[Spectrum], bands: BandSet) -> FloatArray:

@@ -19,7 +19,7 @@ from lidarspectra.io.files import write_whole
 from lidarspectra.lamps.lamp_file import load_lamps, save_lamps
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.maps.assumptions import mark_assumed
-from lidarspectra.mapping.maps.channel_levels import beyond_notes, levels_in_words
+from lidarspectra.mapping.maps.channel_levels import beyond_notes, levels_in_words, mark_partly_known
 from lidarspectra.mapping.maps.light_unknowns import save_unknowns, uncertainty_in_words
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, load_map, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import spectral_map
@@ -496,7 +496,7 @@ def map_stage(
 
     def make(folder: Path, progress: Progress) -> Notes:
         finding, saving = shares(progress, MAP_SHARES)
-        traced, scanned = load_lamps(scene.folder), scan.value
+        traced, scanned, bands = load_lamps(scene.folder), scan.value, scene.value.bands
         lamps = present_lamps(run_file, traced, materials.folder, base=given.base)
         save_lamps(lamps, folder)
         assumed = replace(
@@ -510,13 +510,14 @@ def map_stage(
             scanned,
             calibrated_materials(materials.value, scanned, run_file.calibration),
             lamps,
-            scene.value.bands,
+            bands,
             transport.value,
             workers=inputs.workers,
         )
         saving(0.0, "saving")
         save_unknowns(unknowns, folder)
         light_map = mark_assumed(spectral_map(transport.value, lamps=lamps, unknowns=unknowns), assumed)
+        light_map = mark_partly_known(light_map, lamps, bands)
         save_map(light_map, folder / MAP_FILE)
         save_map_table(light_map, folder / MAP_TABLE_FILE)
         return Notes(
@@ -529,7 +530,7 @@ def map_stage(
                 *lost_calibration_note(run_file.calibration, folder.parent, [lamp.name for lamp in lamps]),
                 *(lit_notes if run_file.lamps_from_scan else lamp_notes)(assumed, len(lamps)),
                 *relit_notes(light_map, traced, lamps),
-                *beyond_notes(lamps, scene.value.bands),
+                *beyond_notes(lamps, bands),
             ),
         )
 

@@ -16,6 +16,7 @@ from lidarspectra.hardware.sensor.as7265x import (
     nominal_responsivity,
 )
 from lidarspectra.hardware.sensor.measured_readings import fitted_factors, read_readings
+from lidarspectra.mapping.maps.map_schema import UNKNOWN_CHANNELS
 from lidarspectra.mapping.maps.metrics import Comparison
 from lidarspectra.mapping.maps.readings_on_map import ComparedReadings
 from lidarspectra.workflow.applications import evaluation as comparison
@@ -354,3 +355,12 @@ def test_a_number_of_hundreds_of_digits_is_refused_in_words(tmp_path: Path) -> N
     path.write_text(f"x,y,z,E_410\n0,0,1,{'9' * 400}\n", encoding="utf-8")
     with pytest.raises(MapError, match="column 'E_410', reading 1"):
         read_readings(path)
+
+
+def test_a_channel_of_which_the_lamps_spectra_tell_a_part_is_not_compared(
+    run: Path, light: xr.Dataset, tmp_path: Path
+) -> None:
+    light.attrs[UNKNOWN_CHANNELS] = LABELS[1]
+    found = evaluate_run(run, readings(tmp_path))
+    assert absolute(found).bands == len(LABELS) - 1
+    assert any(f"or of which these tell but a part, are not compared: {LABELS[1]} nm" in note for note in found.notes)

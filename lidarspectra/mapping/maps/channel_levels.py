@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from lidarspectra.lamps.lamp_spectra import unknown_channels
+from lidarspectra.lamps.lamp_spectra import partly_known, unknown_channels
 from lidarspectra.lamps.lamps import Lamp, is_daylight
 from lidarspectra.mapping.maps.assumptions import named_lamps
-from lidarspectra.mapping.maps.map_schema import dark_bands, kept_points
+from lidarspectra.mapping.maps.map_schema import UNKNOWN_CHANNELS, dark_bands, kept_points
 from lidarspectra.spectra.spectrum import BandSet
 
 
@@ -26,6 +26,12 @@ def levels_in_words(light_map: xr.Dataset) -> str:
     if dark.any():
         words += f", next to none in {', '.join(map(str, light_map['band_label'].to_numpy()[dark]))} nm"
     return words + (f", {float(kept['illuminance'].mean()):.0f} lx" if "illuminance" in light_map else "")
+
+
+def mark_partly_known(light_map: xr.Dataset, lamps: Sequence[Lamp], bands: BandSet) -> xr.Dataset:
+    """The map with its attribute `UNKNOWN_CHANNELS`, if the lamps' spectra tell but a part of any (`partly_known`)."""
+    labels = np.array(bands.labels)[partly_known([lamp.flux for lamp in lamps], bands)].tolist()
+    return light_map.assign_attrs({UNKNOWN_CHANNELS: "\n".join(labels)}) if labels else light_map
 
 
 def beyond_notes(lamps: Sequence[Lamp], bands: BandSet) -> tuple[str, ...]:

@@ -19,8 +19,8 @@ A map is an xarray Dataset with the dims (point, band):
 `check_map` validates this schema wherever a map is made or read. The attribute `illuminance_from` says whether the
 illuminance was computed from the lamps' whole spectra ('lamps') or from the band values alone ('bands'); `assumed`, in
 the map of a run, what of it is a guess (`assumptions`); `uncertainty` and `uncertainty_of_...` the root mean square of
-the uncertainty over points, over the mean light, in all and by cause. Maps of earlier versions are read without what
-they lack.
+the uncertainty over points, over the mean light, in all and by cause; `unknown_channels`, of what channels the lamps'
+spectra tell a part of the light at most. Maps of earlier versions are read without what they lack.
 """
 
 from collections.abc import Iterable, Mapping
@@ -42,6 +42,7 @@ POSITION = ("x", "y", "z")
 DIRECTION = ("nx", "ny", "nz")
 UNIT_LENGTH_TOLERANCE = 1e-6  # [1] of directions that were written to a text file with nine digits
 LARGEST_COORDINATE_M = 1e9  # [m] as of a scan's
+UNKNOWN_CHANNELS = "unknown_channels"  # attribute: labels, one a line
 NOISE_BELOW_ZERO = 6.0  # [1] standard errors by which Monte Carlo noise may take an estimate below zero
 _COORDINATES: dict[str, tuple[str, str | None, str]] = {  # name: (dim, unit, long name)
     "x": ("point", "m", "x coordinate"),

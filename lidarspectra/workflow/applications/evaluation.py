@@ -26,7 +26,7 @@ from lidarspectra.mapping.figures.map_comparison_figure import map_comparison_fi
 from lidarspectra.mapping.figures.tables import Table, save_table
 from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
-from lidarspectra.mapping.maps.map_schema import dark_bands, has_illuminance
+from lidarspectra.mapping.maps.map_schema import UNKNOWN_CHANNELS, dark_bands, has_illuminance
 from lidarspectra.mapping.maps.readings_on_map import ComparedReadings, compare_readings, match_readings
 from lidarspectra.radiance.scene.scene import load_scene
 from lidarspectra.room.room import load_room
@@ -126,6 +126,7 @@ def evaluate_run(
             todo="'lidarspectra sensor join' turns a log of counts into such a file; or name their unit with --unit.",
         )
     dark = dark_bands(light) | ~light["irradiance"].any("point").to_numpy()
+    dark |= np.isin(labels, str(light.attrs.get(UNKNOWN_CHANNELS, "")).split("\n"))
     read_columns, unlit = set(columns.values()), [index for index in columns if dark[index]]
     columns = {index: name for index, name in columns.items() if not dark[index]}
     if not columns and lux is None:
@@ -141,8 +142,9 @@ def evaluate_run(
     tables, notes = [], [*result_notes(assumptions_of(light)), *matched.notes]
     if unlit:
         notes.append(
-            f"Channels into which the lamps send next to nothing, by their spectra, are not compared: "
-            f"{', '.join(labels[index] for index in unlit)} nm. If they do, give them spectra that reach as far."
+            "Channels into which the lamps send next to nothing by their spectra, or of which these tell but a part, "
+            f"are not compared: {', '.join(labels[index] for index in unlit)} nm. If they matter, give spectra that "
+            "reach as far."
         )
     spectra = illuminance = None
     if columns:

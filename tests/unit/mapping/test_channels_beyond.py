@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from lidarspectra.lamps.lamp_spectra import dark_channels
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Disc, Window
-from lidarspectra.mapping.maps.channel_levels import beyond_notes, levels_in_words
+from lidarspectra.mapping.maps.channel_levels import beyond_notes, levels_in_words, mark_partly_known
+from lidarspectra.mapping.maps.map_schema import UNKNOWN_CHANNELS
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report.report_tables import bands_table
 from lidarspectra.radiance.scene.sky import SKY_WAVELENGTHS_NM, sky_spectrum
@@ -65,3 +67,20 @@ def test_an_uncertainty_many_times_the_light_is_left_out_of_the_table_of_bands(m
     table = bands_table(light)
     assert np.isnan(table.frame["median uncertainty [%]"].iloc[-1])
     assert "empty above 1000 %" in table.caption
+
+
+def test_a_channel_of_which_spectra_tell_a_part_is_no_light_to_compare_with(make_transport) -> None:
+    """810 nm has a seventh of its daylight, which is computed to 800 nm: seven times as much would be read."""
+    daylight = sky_spectrum(np.ones(SKY_WAVELENGTHS_NM.size), "sky")
+    bands = sensor_bands("as7265x-18")
+    assert list(np.array(bands.labels)[dark_channels([daylight], bands)]) == ["810", "860", "900", "940"]
+    assert not dark_channels([daylight, lamp_spectrum("Incandescent").spectrum], sensor_bands("as7265x-14")).any()
+    far = Spectrum(wavelengths_nm=[300.0, 1100.0], values=[1.0, 1.0])
+    led = lamp_spectrum("LED-B3").spectrum
+    assert not dark_channels(
+        [far, led.scaled(1.0 / led.values.max())], bands
+    ).any()  # an LED's rest is little beside it
+    light = spectral_map(make_transport())
+    marked = mark_partly_known(light, [lamp("south", daylight, Window(1.0, 1.0))], bands)
+    assert marked.attrs[UNKNOWN_CHANNELS] == "810\n860\n900\n940"
+    assert UNKNOWN_CHANNELS not in mark_partly_known(light, [lamp("far", far, Disc(0.1))], bands).attrs
