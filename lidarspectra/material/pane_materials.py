@@ -23,6 +23,7 @@ GLASS_TRANSMITTANCE = 0.8  # [1] of clear double glazing, at normal incidence
 REFLECTANCE: dict[PaneKind, float] = {"glass": 0.15, "mirror": 0.85, "screen": 0.06}  # [1]
 DEVIATION: dict[PaneKind, float] = {"glass": 0.05, "mirror": 0.05, "screen": 0.04}  # [1] our judgement
 OF_PANE = "pane:"  # beginning of the source of a pane's material
+IN_PLANE = 0.7  # [1] cosine between the normals of a pane and of a face in it; screens are as rough as the scan
 SCREEN_SPECULARITY = 0.04  # [1] of its front, of refractive index 1.5
 
 
@@ -84,7 +85,8 @@ def with_pane_materials(materials: MaterialMap, scan: Scan, panes: Sequence[tupl
     """
     made, face_material = list(materials.materials), materials.face_material.copy()
     for pane, material in panes:
-        face_material[pane.members(scan.centers)] = len(made)
+        along = np.abs(scan.normals @ pane.normal) > IN_PLANE  # the collar that joins the mesh to its rim is no pane
+        face_material[pane.members(scan.centers) & along] = len(made)
         made.append(material)
     used, renamed = np.unique(face_material, return_inverse=True)
     return replace(materials, materials=tuple(made[number] for number in used), face_material=renamed.reshape(-1))

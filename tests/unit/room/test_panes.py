@@ -239,6 +239,25 @@ def test_faces_in_a_pane_get_its_material_and_no_others() -> None:
     assert (after.face_material[~GLASS_WALL.members(scan.centers) & ~SCREEN.members(scan.centers)] == 0).all()
 
 
+def test_the_reveal_around_glass_in_a_doorway_is_no_glass(builder) -> None:
+    # As glass it let light into the wall, and was said to be curved.
+    rooms = builder(step_m=0.1, noise_m=0.003)
+    rooms.box([0, 0, 0], [3, 3, 2.5], inward=True, holes={"east": (0.0, 0.8, 0.35, 0.65)})
+    rooms.box([3.1, 0, 0], [6, 3, 2.5], inward=True, holes={"west": (0.35, 0.65, 0.0, 0.8)})
+    for y, turned in ((1.05, 1), (1.95, -1)):  # the reveal, looking into the doorway
+        rooms.rectangle([3, y, 0], *([[0.1, 0, 0], [0, 0, 2.0]][::-turned]))
+    door = Pane(kind="glass", center=np.array([3.05, 1.5, 1.0]), size_m=(0.9, 2.0), normal=np.array([1.0, 0.0, 0.0]))
+    scan = with_panes(rooms.scan(), [door])
+    paint = MaterialMap(
+        materials=(typical_material("wall"),),
+        face_material=np.zeros(len(scan.faces), dtype=np.int64),
+        face_color=np.full((len(scan.faces), 3), 0.5),
+        face_seen=np.ones(len(scan.faces)),
+    )
+    glass = with_pane_materials(paint, scan, [(door, pane_material("glass", name="door"))])
+    assert glass.areas(scan.areas)[1] == pytest.approx(door.area_m2, rel=0.01)
+
+
 def test_panes_are_drawn_on_the_plan_where_they_stand() -> None:
     axes = Figure().add_subplot()
     handles = draw_panes(axes, [MIRROR, SCREEN, MIRROR])
