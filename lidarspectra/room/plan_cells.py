@@ -241,7 +241,8 @@ def _floors_of_rooms(
     largest = max((int(patch.sum()) for patch in patches), default=0)
     for patch in patches:
         z = other_floor(patch)
-        if z is None and (on_floor[patch].mean() >= MIN_FLOOR_SHARE or patch.sum() == largest):
+        shows_floor = on_floor[patch].mean() >= MIN_FLOOR_SHARE or floor.area_m2 == 0.0  # none is shown where none is
+        if z is None and (shows_floor or patch.sum() == largest):
             z = floor.z
         if z is not None:
             floor_z[_filled(patch).astype(bool) & ~elsewhere] = z

@@ -12,6 +12,7 @@ from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.room.closing import close_room
 from lidarspectra.room.free_space import sphere_directions
+from lidarspectra.room.plan_cells import signed_area
 from lidarspectra.room.room import find_room
 from lidarspectra.workflow.whole_room import closing_lines, whole_room
 from research.virtual_rooms.model_files import ModelPart, furnished_room, write_named_glb
@@ -53,7 +54,19 @@ def test_a_missing_ceiling_and_floor_are_closed_where_the_walls_end(builder, lea
     assert (np.where(floor, up, -up) > 0.99).all(), "what closes a room looks into it"
 
 
-@pytest.mark.parametrize(("side", "wall_m"), [("top", 0.12), ("top", 0.5), ("bottom", 0.12)])
+@pytest.mark.parametrize("leave_out", [("bottom",), ("top", "bottom")])
+@pytest.mark.parametrize("given_z", [None, -0.7])
+def test_of_several_rooms_without_a_floor_none_is_left_out(builder, leave_out, given_z) -> None:
+    rooms = builder(step_m=0.1, noise_m=0.004)
+    for low, high in ((0.0, 4.0), (4.5, 7.5)):
+        rooms.box([low, 0, 0], [high, 3, 2.5], inward=True, leave_out=leave_out)
+    found = find_room(rooms.scan(), floor_z=given_z)
+    assert [round(signed_area(outline)) for outline in found.outlines] == [12, 9]
+    assert found.floor_confidence == 0.0
+
+
+@pytest.mark.parametrize("wall_m", [0.12, 0.5])
+@pytest.mark.parametrize("side", ["top", "bottom"])
 def test_what_closes_two_rooms_does_not_reach_behind_their_walls(builder, side, wall_m) -> None:
     # As area of a material it would count half as much again as there is of it.
     rooms = builder(step_m=0.1, noise_m=0.004)
