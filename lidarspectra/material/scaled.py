@@ -7,13 +7,15 @@ import numpy as np
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import MaterialError
 from lidarspectra.material.material_map import Material, MaterialMap
+from lidarspectra.material.pane_materials import OF_PANE
 from lidarspectra.spectra.reflectance_library import MAX_REFLECTANCE
 
 
 def scaled_materials(materials: MaterialMap, face_part: IntArray, factors: FloatArray) -> MaterialMap:
     """The same room with the reflectance of each of its parts multiplied.
 
-    A material on several parts becomes several. No wavelength reflects more than `MAX_REFLECTANCE`.
+    A material on several parts becomes several; panes of the run file stay. No wavelength reflects more than
+    `MAX_REFLECTANCE`.
 
     Parameters
     ----------
@@ -45,8 +47,11 @@ def scaled_materials(materials: MaterialMap, face_part: IntArray, factors: Float
 
 
 def scaled_material(material: Material, factor: float) -> Material:
-    """A material that reflects so many times as much, `MAX_REFLECTANCE` at most, with the same relative deviation."""
-    if factor == 1.0:
+    """A material that reflects so many times as much, `MAX_REFLECTANCE` at most, with the same relative deviation.
+
+    Panes stay as they are: a mirror on a wall whose paint is lighter than was estimated is no better mirror.
+    """
+    if factor == 1.0 or material.source.startswith(OF_PANE):
         return material
     values = np.minimum(material.reflectance.values * factor, MAX_REFLECTANCE)
     known = None if material.uncertainty is None else material.uncertainty.scaled(factor)
