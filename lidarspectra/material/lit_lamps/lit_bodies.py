@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, distinct_rows, linked
 from lidarspectra.geometry.rays import RayCaster
-from lidarspectra.geometry.scan import Scan
+from lidarspectra.geometry.scan import Scan, some_faces
 from lidarspectra.spectra.colorimetry import LUMINANCE_FROM_SRGB
 
 WHITE, GRAY = 0.95, 0.5  # [1] brightest channel of what shines, and its darkest over that
@@ -58,15 +58,13 @@ class LitBody:
     contrast: float
 
 
-def lit_bodies(scan: Scan, caster: RayCaster) -> Iterator[LitBody]:
+def lit_bodies(scan: Scan) -> Iterator[LitBody]:
     """Bodies of a scan that are cut at white all around.
 
     Parameters
     ----------
     scan : Scan
         Whose appearance tells a lamp: what no photograph shows is dark there.
-    caster : RayCaster
-        The scan's.
 
     Yields
     ------
@@ -80,7 +78,7 @@ def lit_bodies(scan: Scan, caster: RayCaster) -> Iterator[LitBody]:
         return
     usual = _weighted_median(color @ LUMINANCE_FROM_SRGB, scan.areas)
     for faces in _pieces(scan, white):
-        body = _body(scan, caster, is_white, usual, faces)
+        body = _body(scan, is_white, usual, faces)
         if body is not None:
             yield body
 
@@ -94,7 +92,7 @@ def _pieces(scan: Scan, faces: IntArray) -> Iterator[IntArray]:
     yield from np.split(faces[order], np.cumsum(np.bincount(piece))[:-1])
 
 
-def _body(scan: Scan, caster: RayCaster, is_white: BoolArray, usual: float, faces: IntArray) -> LitBody | None:
+def _body(scan: Scan, is_white: BoolArray, usual: float, faces: IntArray) -> LitBody | None:
     """The body of some white faces, or None where it is none or may be paint; `usual` is the room's luminance."""
     faces = _outer_faces(scan, faces)
     if not faces.size:
@@ -112,7 +110,10 @@ def _body(scan: Scan, caster: RayCaster, is_white: BoolArray, usual: float, face
     white_share = float(np.average(is_white[within], weights=scan.areas[within]))
     mean = np.asarray(areas @ scan.face_colors()[faces] / areas.sum())
     contrast = float(mean @ LUMINANCE_FROM_SRGB) / max(usual, 1e-3)
-    if white_share < WHITE_SHARE or contrast < CONTRAST or not _is_free(caster, center, radius, faces):
+    if white_share < WHITE_SHARE or contrast < CONTRAST:
+        return None
+    ways = _open_ways(scan, faces, center, radius + OPEN_M)
+    if len(ways) < OPEN_SHARE * DIRECTIONS:
         return None
     return LitBody(center=center, radius_m=radius, color=mean, white_share=white_share, contrast=contrast)
 
@@ -140,12 +141,15 @@ def _weighted_median(values: FloatArray, weights: FloatArray) -> float:
     return float(values[rising][np.searchsorted(mass, 0.5 * mass[-1])])
 
 
-def _is_free(caster: RayCaster, center: FloatArray, radius: float, faces: IntArray) -> bool:
-    """Whether nothing but faces of a body is met on most ways to it: what lies on a table or a wall is half hidden."""
+def _open_ways(scan: Scan, faces: IntArray, center: FloatArray, reach: float) -> FloatArray:
+    """(way, 3) unit vectors, of `DIRECTIONS` around a body, along which nothing else is met within reach [m]."""
     turn, height = GOLDEN_ANGLE * np.arange(DIRECTIONS), 1.0 - (2.0 * np.arange(DIRECTIONS) + 1.0) / DIRECTIONS
     across = np.sqrt(1.0 - height**2)
     ways = np.column_stack([across * np.cos(turn), across * np.sin(turn), height])
-    reach = radius + OPEN_M
-    hits = caster.nearest(center + reach * ways, -ways, max_distance=reach)
-    hidden = hits.met & ~np.isin(hits.face, faces)
-    return float(1.0 - hidden.mean()) >= OPEN_SHARE
+    low, high = scan.corners.min(axis=1), scan.corners.max(axis=1)
+    near = ((low < center + reach) & (high > center - reach)).all(axis=1)
+    near[faces] = False
+    if not near.any():
+        return ways
+    others = RayCaster(some_faces(scan, np.flatnonzero(near)))
+    return ways[~others.nearest(np.broadcast_to(center, ways.shape), ways, max_distance=reach).met]

@@ -112,12 +112,15 @@ class BrightPatch:
     may_be_lamp : bool
         Whether it hangs below the ceiling and lacks contrast alone, which a picture cut at white cannot show before a
         bright ceiling.
+    is_lit_ceiling : bool
+        Whether it is ceiling that something lights: what shines upward, a cove, a window.
     """
 
     center: FloatArray
     area_m2: float
     reason: str
     may_be_lamp: bool = False
+    is_lit_ceiling: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -185,7 +188,7 @@ def search_lit_lamps(scan: Scan, room: Room, *, caster: RayCaster | None = None)
                     found.append(result)
                 elif result.area_m2 >= WORTH_TELLING_M2:
                     left_out.append(result)
-    bodies = [_lamp_of_body(body) for body in lit_bodies(scan, rays)]
+    bodies = [_lamp_of_body(body) for body in lit_bodies(scan)]
     lamps = [*bodies, *_without_doubles(_outside_of(bodies, found))]
     return LampSearch(lamps=_in_rows(lamps, room), left_out=tuple(left_out))
 
@@ -294,10 +297,14 @@ def _lamp_or_not(
     reason = lit.fault(demands)
     if reason is not None:
         center = survey.frame.to_room(middle, lit.height_m)[0]
-        hangs = survey.kind == "ceiling" and lit.height_m > FLUSH_M
+        is_flush, on_ceiling = lit.height_m <= FLUSH_M, survey.kind == "ceiling"
         but_contrast = replace(demands, contrast=IN_BRIGHT_PAINT.contrast)
         return BrightPatch(
-            center=center, area_m2=lit.area_m2, reason=reason, may_be_lamp=hangs and lit.fault(but_contrast) is None
+            center=center,
+            area_m2=lit.area_m2,
+            reason=reason,
+            may_be_lamp=on_ceiling and not is_flush and lit.fault(but_contrast) is None,
+            is_lit_ceiling=on_ceiling and is_flush and reason in OF_PAINT,
         )
     around = grown(patch, 1.2 * CLEARANCE_M / picture.pixel_m) & picture.seen
     heights = picture.height[around]

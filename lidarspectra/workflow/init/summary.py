@@ -18,6 +18,7 @@ from lidarspectra.workflow.init.proposed_lamps import ProposedPanels
 from lidarspectra.workflow.run_folder.assumed import CEILING_SHARE, uncertain_of_scan
 from lidarspectra.workflow.run_folder.panes_of_run import panes_in_words
 
+LIT_CEILING_M2 = 0.3  # [m²] of ceiling that is far brighter than the rest, from which on it is told
 FLOOR_SHARE = 0.5  # [1] of the plan: with less floor in the scan, the outline may be wrong
 
 
@@ -208,7 +209,7 @@ class InitSummary:
         why = "No lamp is lit in the scan" if self.has_color else "The scan has no colour in which a lamp could be lit"
         return (
             f"{why}: a grid of ceiling panels stands in the run file in place of the room's own lamps, and the map "
-            "will be that of a guess. Replace them by the lamps that hang there."
+            f"will be that of a guess. Replace them by the lamps that hang there.{_lit_ceiling(self.lamps.left_out)}"
         )
 
     def _last(self) -> str:
@@ -225,6 +226,21 @@ def lamps_in_words(lamps: tuple[LitLamp, ...]) -> str:
 def percent(share: float) -> str:
     """A share of 1 as '93 %'."""
     return f"{100 * share:.0f} %"
+
+
+def _lit_ceiling(left_out: Sequence[BrightPatch]) -> str:
+    """A sentence on ceiling that something lights which was not found; empty without."""
+    places = [
+        f"{patch.area_m2:.1f} m² around ({patch.center[0] + 0.0:.1f}, {patch.center[1] + 0.0:.1f}) m"
+        for patch in left_out
+        if patch.is_lit_ceiling and patch.area_m2 >= LIT_CEILING_M2
+    ]
+    if not places:
+        return ""
+    return (
+        f" Something lights the ceiling, {'; '.join(places)}: a lamp that shines upward, a cove or a window. Such "
+        "lamps are not found; give them their place and the direction that they shine in."
+    )
 
 
 def bright_places_advice(left_out: Sequence[BrightPatch]) -> Iterator[str]:

@@ -102,6 +102,17 @@ def _written(builder, picture, path):
     return path
 
 
+@pytest.mark.parametrize("is_told", [True, False])
+def test_where_no_lamp_is_found_lit_ceiling_is_told(builder, ceiling, tmp_path: Path, is_told: bool) -> None:
+    """A lamp that shines upward, or a cove, is not seen itself; that nothing is lit would be the wrong thing to say."""
+    picture = ceiling((0.0, 0.0), (4.0, 3.0))
+    if is_told:
+        picture.glow((2.0, 1.5), 0.6)
+    summary = write_init(_written(builder, picture.picture, tmp_path / "room.glb"), tmp_path / "room.toml")
+    (advice,) = [line for line in summary.lines() if line.startswith("No lamp is lit in the scan")]
+    assert ("Something lights the ceiling, " in advice and " m² around (2.0, 1.5) m: a lamp" in advice) == is_told
+
+
 def test_the_run_file_holds_what_was_found_and_is_read_unchanged(lit_room, lit_init) -> None:
     path, summary = lit_init
     run_file = read_run_file(path)
