@@ -30,6 +30,7 @@ STEM, STEM_ROUNDS = (
     1.4,
     3,
 )  # [1] of the median distance from a body's middle, beyond which a face is not counted with it
+BODY_SHARE = 0.65  # [1] of a white piece's area that is left of it without its stem
 STEM_M = 0.02  # [m] around a body's white faces, in which others are of the same body
 
 
@@ -94,9 +95,10 @@ def _pieces(scan: Scan, faces: IntArray) -> Iterator[IntArray]:
 
 def _body(scan: Scan, is_white: BoolArray, usual: float, faces: IntArray) -> LitBody | None:
     """The body of some white faces, or None where it is none or may be paint; `usual` is the room's luminance."""
-    faces = _outer_faces(scan, faces)
-    if not faces.size:
-        return None
+    outer = _outer_faces(scan, faces)
+    if not outer.size or scan.areas[outer].sum() < BODY_SHARE * scan.areas[faces].sum():
+        return None  # a length of a tube, or a wall's bulge
+    faces = outer
     corners = scan.corners[faces].reshape(-1, 3)
     low, high = corners.min(axis=0), corners.max(axis=0)
     areas, sides = scan.areas[faces], high - low

@@ -47,6 +47,7 @@ CUT_LEVEL = 0.6  # [1] between surroundings (0) and patch (1): clipping lifts a 
 OF_PAINT = (TOO_LARGE, NO_CONTRAST, UNBOUNDED, NO_RIM)  # why bright paint is no lamp; but one may be in it
 CLIPPED = 0.97  # [1] of all channels, from which on a pixel is cut at white
 CLEARANCE_M = 0.055  # [m] distance of lamps from the mesh, whose noise would shade nearer ones
+MIN_HANGING_M = 0.04  # [m] least side of what is told as hanging in a pool of light
 BULB_GAP_M = 0.01  # [m] around a body's faces, to the globe that shines in its place
 BUMP_M = 0.15  # [m] higher bumps beside a lamp (a sprinkler) are ignored for its distance
 SQUARE_ASPECT = 1.05  # [1] length over width below which a panel is square, and its turn known but for 90 degrees
@@ -234,7 +235,7 @@ def _judged(survey: Survey, box: tuple[FloatArray, FloatArray]) -> Iterator[LitL
         result = _lamp_or_not(survey, picture, patch, fit, lit, demands_on(survey.kind, lit.height_m))
         if isinstance(result, BrightPatch) and survey.kind == "ceiling":
             within = _in_bright_paint(survey, picture, usable, patch) if result.reason in OF_PAINT else ()
-            yield from within or _out_of_own_pool(survey, picture, usable, patch, around) or (result,)
+            yield from within or tuple(_out_of_own_pool(survey, picture, usable, patch, around)) or (result,)
         else:
             yield result
 
@@ -271,23 +272,28 @@ def _in_bright_paint(survey: Survey, picture: PlanePicture, usable: BoolArray, p
 
 def _out_of_own_pool(
     survey: Survey, picture: PlanePicture, usable: BoolArray, patch: BoolArray, around: float
-) -> tuple[LitLamp, ...]:
+) -> Iterator[LitLamp | BrightPatch]:
     """Lamps that light the ceiling beside them until it is as white as they are: bodies that stand out of the pool.
 
     Opal drums and bowls send a third of their light sideways and up. The picture, cut at white, has no rim of them, but
-    the mesh has one.
+    the mesh has one. What hangs lower may be a lamp, or a white board in a lamp's beam.
     """
-    stands_out = usable & (picture.height >= IN_OWN_POOL.protrusion_m) & (picture.height <= FLUSH_M)
-    white = stands_out & (picture.color.min(axis=2) >= CLIPPED)
-    found = []
-    for body in _patches(white, patch, picture.pixel_m):
-        fit = fit_outline(body)
-        lit = gather_evidence(picture, usable, body, fit, kind=survey.kind, around=around, core=1.0)
-        lit = replace(lit, contrast=float(picture.luminance[body].mean()) / max(around, 1e-3))  # of what is beyond
-        result = _lamp_or_not(survey, picture, body, fit, lit, IN_OWN_POOL)
-        if isinstance(result, LitLamp):
-            found.append(result)
-    return tuple(found)
+    white = usable & (picture.color.min(axis=2) >= CLIPPED)
+    stands_out, hangs = picture.height >= IN_OWN_POOL.protrusion_m, picture.height > FLUSH_M
+    for bodies, demands in (
+        (stands_out & ~hangs, IN_OWN_POOL),
+        (hangs, replace(IN_OWN_POOL, min_side_m=MIN_HANGING_M)),
+    ):
+        for body in _patches(white & bodies, patch, picture.pixel_m):
+            fit = fit_outline(body)
+            lit = gather_evidence(picture, usable, body, fit, kind=survey.kind, around=around, core=1.0)
+            lit = replace(lit, contrast=float(picture.luminance[body].mean()) / max(around, 1e-3))  # of what is beyond
+            result = _lamp_or_not(survey, picture, body, fit, lit, demands)
+            if isinstance(result, LitLamp) and lit.height_m > FLUSH_M:
+                middle = survey.frame.to_room(picture.coordinates(fit.center[1:], fit.center[:1]), lit.height_m)[0]
+                yield BrightPatch(center=middle, area_m2=lit.area_m2, reason=NO_CONTRAST, may_be_lamp=True)
+            elif isinstance(result, LitLamp):
+                yield result
 
 
 def _lamp_or_not(

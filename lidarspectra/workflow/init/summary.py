@@ -253,5 +253,5 @@ def bright_places_advice(left_out: Sequence[BrightPatch]) -> Iterator[str]:
     if places:
         yield (
             f"Hanging below the ceiling and cut at white, but hardly brighter than the ceiling in the picture: "
-            f"{'; '.join(places)}. If that is lamps, add them to the run file under [[lamps]]."
+            f"{'; '.join(dict.fromkeys(places))}. If that is lamps, add them to the run file under [[lamps]]."
         )

@@ -61,8 +61,9 @@ def test_two_shades_are_two_globes(builder) -> None:
         [([1.85, 1.35, 0.75], [2.15, 1.65, 1.05], WHITE), ([1.2, 0.9, 0.7], [2.8, 2.1, 0.74], GRAY)],
         [([3.68, 1.35, 1.3], [3.98, 1.65, 1.6], WHITE)],
         [([1.99, 1.49, 1.5], [2.02, 1.52, 1.53], WHITE)],
+        [([1.2, 1.45, 1.9], [2.8, 1.55, 1.98], WHITE)],
     ],
-    ids=["a fridge", "grey paint", "a blue screen", "a box on a table", "a cupboard on a wall", "a speck"],
+    ids=["a fridge", "grey paint", "a blue screen", "a box on a table", "a cupboard on a wall", "a speck", "a tube"],
 )
 def test_what_is_white_and_no_lamp_that_stands_free(builder, bodies) -> None:
     assert bulbs_in(scan_with(builder, *bodies)) == []

@@ -162,6 +162,17 @@ def test_what_stands_out_of_a_pool_of_light_and_is_no_lamp(builder, plain, body)
     assert lamps_in(room_with(builder, plain, boxes=[body])) == ()
 
 
+def test_what_hangs_low_in_a_pool_of_light_is_told_as_a_possible_lamp(builder, plain) -> None:
+    """A tube of light, or a white board in the light of a lamp: the picture, white all over, does not say which."""
+    bright_paint(plain, (2.0, 1.5), 0.8, 400.0)
+    tube = ([1.5, 1.45, 1.9], [2.5, 1.55, 1.96], (255, 255, 255))
+    scan = room_with(builder, plain, noise_m=0.002, boxes=[tube])
+    search = search_lit_lamps(scan, find_room(scan))
+    assert search.lamps == ()
+    (advice,) = bright_places_advice(search.left_out)
+    assert "0.10 m² at (2.0, 1.5, 1.9) m" in advice
+
+
 @pytest.mark.parametrize(
     ("what", "draw"),
     [
