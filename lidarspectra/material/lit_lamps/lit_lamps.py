@@ -234,8 +234,9 @@ def _judged(survey: Survey, box: tuple[FloatArray, FloatArray]) -> Iterator[LitL
         lit = gather_evidence(picture, usable, patch, fit, kind=survey.kind, around=around, core=core)
         result = _lamp_or_not(survey, picture, patch, fit, lit, demands_on(survey.kind, lit.height_m))
         if isinstance(result, BrightPatch) and survey.kind == "ceiling":
-            within = _in_bright_paint(survey, picture, usable, patch) if result.reason in OF_PAINT else ()
-            yield from within or tuple(_out_of_own_pool(survey, picture, usable, patch, around)) or (result,)
+            lamps = _in_bright_paint(survey, picture, usable, patch) if result.reason in OF_PAINT else ()
+            bodies = () if lamps else tuple(_out_of_own_pool(survey, picture, usable, patch, around))
+            yield from (*lamps, *bodies) or (result,)
         else:
             yield result
 
