@@ -90,7 +90,13 @@ def _room() -> tuple[Scan, FloatArray]:
 
 
 def _taken(
-    what: What, *, still: bool = False, noise: float = 0.02, log_gain: FloatArray | None = None, scale: float = 1.0
+    what: What,
+    *,
+    still: bool = False,
+    noise: float = 0.02,
+    log_gain: FloatArray | None = None,
+    scale: float = 1.0,
+    askew_deg: float = 0.0,
 ) -> Taken:
     """A wall in frames of (frame, 3) log gains, whose radiometry has another unit than the scan's colours."""
     log_gain = np.zeros((FRAMES, 3)) if log_gain is None else log_gain
@@ -108,7 +114,8 @@ def _taken(
     for number in range(FRAMES):
         turn = 0.0 if still else 2 * np.pi * number / FRAMES
         position = np.array([1.6 + 0.8 * np.cos(turn), 1.5 + 0.9 * np.sin(turn), 1.3 + 0.3 * np.sin(3 * turn)])
-        pose, level = upright_pose(position, 0.0, 0.0), float(np.exp(log_gain[number, 0])) / scale
+        askew = np.radians(askew_deg) * (-1.0) ** number  # to the left and to the right
+        pose, level = upright_pose(position, askew, 0.5 * askew), float(np.exp(log_gain[number, 0])) / scale
         frames.append(_frame(f"{number}", pose, caster, light, what, level, noise, generator))
     radiometry = Radiometry(
         tone=ToneCurve(), shoulder_deviation=0.0, power_deviation=0.0, log_gain=log_gain,
@@ -217,6 +224,18 @@ def test_two_mirrors_of_one_wall_are_both_told_the_larger_first() -> None:
     for pane, columns, height in zip(found, (20, 12), (24, 12), strict=True):
         assert pane.size_m == pytest.approx((columns * CELL_M, height * CELL_M), abs=4.1 * CELL_M)
         assert pane.reflectance == pytest.approx(0.8, abs=0.08)
+
+
+def test_frames_that_look_at_a_wall_askew_tell_its_plane_and_its_mirror() -> None:
+    rows = _taken("matt", askew_deg=25.0).rows
+    assert np.nanquantile(np.abs(rows.deep), 0.99) < 0.06  # pixels of the depth are 1 to 3 cm wide there
+    assert np.nanmax(rows.mirrored_deep) < np.linalg.norm(SIZE_M)
+    assert np.nanmax(rows.behind_deep) < 0.1 + np.linalg.norm((BEHIND_M, *SIZE_M[1:]))
+    taken = _taken("mirror", askew_deg=25.0)
+    (found,) = panes_of_wall(taken.wall, taken.rows)
+    assert found.kind == "mirror"
+    assert np.abs(found.center - PANE.center).max() < 2 * CELL_M
+    assert found.reflectance == pytest.approx(SHARES["mirror"][0], abs=0.08)
 
 
 def test_a_lidar_that_goes_through_tells_without_colours() -> None:
