@@ -1,4 +1,4 @@
-"""Lamps that stand or hang free in a room and are lit in a scan's texture: globes, lampshades, wall lights.
+"""Lamps that stand or hang free in a room and are lit in a scan's texture: globes and lampshades.
 
 Method: faces that the phone cut at white are gathered to bodies. A body is a lamp if it is white all around, the sides
 that look away from every other light too, if nothing but a stem is near it, and if most of the room is darker. White
@@ -26,10 +26,8 @@ OPEN_SHARE = 0.8  # [1] of the directions from a body in which nothing is near
 OPEN_M = 0.06  # [m] how far they must be free
 CONTRAST = 2.0  # [1] over the median luminance of the room: where most is white, paint is white all around
 DIRECTIONS, GOLDEN_ANGLE = 64, np.pi * (3.0 - np.sqrt(5.0))  # [rad] of a spiral on a sphere around a body
-STEM, STEM_ROUNDS = (
-    1.4,
-    3,
-)  # [1] of the median distance from a body's middle, beyond which a face is not counted with it
+STEM = 1.4  # [1] of the median distance from a body's middle, beyond which a face is not counted with it
+STEM_ROUNDS = 3  # of leaving such faces out
 BODY_SHARE = 0.65  # [1] of a white piece's area that is left of it without its stem
 STEM_M = 0.02  # [m] around a body's white faces, in which others are of the same body
 

@@ -189,7 +189,7 @@ def search_lit_lamps(scan: Scan, room: Room, *, caster: RayCaster | None = None)
                     found.append(result)
                 elif result.area_m2 >= WORTH_TELLING_M2:
                     left_out.append(result)
-    bodies = [_lamp_of_body(body) for body in lit_bodies(scan)]
+    bodies = [_lamp_of_body(body) for body in lit_bodies(scan) if room.in_plan(body.center[None])[0]]
     lamps = [*bodies, *_without_doubles(_outside_of(bodies, found))]
     return LampSearch(lamps=_in_rows(lamps, room), left_out=tuple(left_out))
 

@@ -90,9 +90,8 @@ def _fault(lamp: Lamp, caster: RayCaster, bounds: FloatArray, normals: FloatArra
         return "behind", ""
     hidden = hidden_light(lamp, caster).share
     reach = places[1:] - lamp.center
-    is_flat = all(
-        surface.normal is not None for surface in lamp.surfaces
-    )  # a globe may hold the shade that was scanned
+    # The shade that was scanned may lie within a globe.
+    is_flat = all(surface.normal is not None for surface in lamp.surfaces)
     if hidden > MAX_HIDDEN_SHARE:
         return "through", f" ({two_digits(100 * hidden)} % of its light)"
     if is_flat and np.any(caster.blocked(np.broadcast_to(lamp.center, reach.shape), reach, max_distance=1.0)):

@@ -107,7 +107,7 @@ def read_epw(path: str | PathLike[str]) -> Weather:
         If the file cannot be read, is no EPW, is not of a whole year, or lacks radiation.
     """
     path = path_of(path, name="weather")
-    try:
+    try:  # pvlib's reader refuses leap years, and opens files in the machine's encoding
         lines = _decoded(path.read_bytes()).splitlines()
         place = next(csv.reader(lines[:1]), [])
         if not place or place[0].strip().upper() != "LOCATION":

@@ -78,5 +78,10 @@ def test_in_a_picture_that_is_white_all_over_nothing_is_told(builder) -> None:
     assert bulbs_in(scan_with(builder, (*SHADE, WHITE), room=(235, 235, 235))) == []
 
 
+def test_a_globe_beyond_the_walls_is_none_of_the_rooms(builder) -> None:
+    """The ghost of one behind a mirror, or one that was seen through a window."""
+    assert bulbs_in(scan_with(builder, ([4.6, 1.35, 1.3], [4.9, 1.65, 1.6], WHITE))) == []
+
+
 def test_a_room_without_white_has_no_bodies(builder) -> None:
     assert bulbs_in(scan_with(builder)) == []
