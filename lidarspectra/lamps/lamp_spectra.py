@@ -66,7 +66,7 @@ def dark_channels(fluxes: Sequence[Spectrum], bands: BandSet) -> BoolArray:
         Where each lamp sends less than a thousandth of what it sends into its own brightest channel, or all together
         may send more than a twentieth of their light there beyond the ends of their spectra (`beyond_ends`).
     """
-    sent = np.stack([bands.band_values(flux, outside="zero") for flux in fluxes])
+    sent = _sent(fluxes, bands)
     brightest = sent.max(axis=1, keepdims=True)
     dark = (sent <= DARK_CHANNEL * brightest).all(axis=0) | partly_known(fluxes, bands)
     return np.asarray(dark, dtype=np.bool_)
@@ -74,7 +74,7 @@ def dark_channels(fluxes: Sequence[Spectrum], bands: BandSet) -> BoolArray:
 
 def partly_known(fluxes: Sequence[Spectrum], bands: BandSet) -> BoolArray:
     """(band,) where more than `MAX_BEYOND` of all lamps' light may come beyond the ends of their spectra."""
-    sent = np.stack([bands.band_values(flux, outside="zero") for flux in fluxes])
+    sent = _sent(fluxes, bands)
     beyond = (beyond_ends(fluxes, bands) * sent.max(axis=1, keepdims=True)).sum(axis=0)
     return np.asarray(beyond > MAX_BEYOND * sent.sum(axis=0), dtype=np.bool_)
 
@@ -107,6 +107,11 @@ def unknown_channels(flux: Spectrum, bands: BandSet) -> BoolArray:
     """(band,) channels of whose response more than `MAX_UNKNOWN_SHARE` lies beyond an end at which there is light."""
     share = bands.weights @ (_held_ends(flux, bands) > 0)
     return np.asarray(share > MAX_UNKNOWN_SHARE, dtype=np.bool_)
+
+
+def _sent(fluxes: Sequence[Spectrum], bands: BandSet) -> FloatArray:
+    """(lamp, band) what lamps send into channels within their spectra [W/nm]."""
+    return np.stack([bands.band_values(flux, outside="zero") for flux in fluxes])
 
 
 def _held_ends(flux: Spectrum, bands: BandSet) -> FloatArray:

@@ -1,11 +1,12 @@
 """Rooms that are no boxes, and lamps that are no panels: what `init` finds, and how far reflectances and map are off.
 
-    python -m research.benchmarks.odd_rooms FOLDER [--only vault globe ...]
+    python -m research.benchmarks.odd_rooms FOLDER [--only vault one-globe ...] [--true-height]
 
     FOLDER/vault/scan.ply, scan.toml, scan.run/
 
 Their light is found by rays alone (`research.virtual_rooms.ray_room`), with nothing of the product. `init` finds the
-lamps; those that it finds get their true flux and colour, and the room is run. A row for each: lamps found of true and
+lamps; those that it finds get their true flux and colour, with `--true-height` their true height too, and the room is
+run. A row for each: lamps found of true and
 found where none is; area-weighted mean error and bias of reflectances, linear sRGB; shares of the area whose green
 reflectance lies within one and two stated deviations; the map's median and mean errors and its NRMSE, by illuminance.
 """
@@ -294,7 +295,7 @@ ROOMS: dict[str, Callable[[], RayRoom]] = {
 }  # fmt: skip
 
 
-def with_true_light(text: str, room: RayRoom) -> tuple[str, int, int]:
+def with_true_light(text: str, room: RayRoom, *, true_height: bool = False) -> tuple[str, int, int]:
     """A run file whose lamps have the flux of the true ones nearest in plan; how many are right, and how many none."""
     head, *tables = re.split(r"(?m)^(?=\[\[lamps\]\])", text)
     lamps, right = room.lamps, set()
@@ -308,6 +309,9 @@ def with_true_light(text: str, room: RayRoom) -> tuple[str, int, int]:
         right |= {nearest} if flux else set()
         given = re.sub(r"(?m)^spectrum = .*$", f"cct_k = {CCT_K}", block_text)
         given = re.sub(r"(?m)^assumed = .*\n", "", given)
+        if true_height:
+            height = f"{lamps[nearest][0][2]:.3f}"
+            given = re.sub(r"(?m)^(center = \[[^,]*,[^,]*,) [^\]]*", rf"\g<1> {height}", given)
         given = re.sub(r"(?m)^luminous_flux_lm = .*$", f"luminous_flux_lm = {max(flux, 1e-3):.1f}", given)
         tables[number] = given if flux else re.sub(r"(?m)^rotation_deg", "dim = 0\nrotation_deg", given)
     return head + "".join(tables), len(right), len(tables) - len(right)
@@ -345,7 +349,7 @@ def of_map(run: Path, true: Solved) -> tuple[float, float, float]:
     return float(np.median(found / right) - 1.0), float(found.mean() / right.mean() - 1.0), nrmse
 
 
-def row(name: str, folder: Path) -> str:
+def row(name: str, folder: Path, *, true_height: bool) -> str:
     """The row of a room."""
     folder.mkdir(parents=True, exist_ok=True)
     shutil.rmtree(folder / "scan.run", ignore_errors=True)
@@ -354,7 +358,7 @@ def row(name: str, folder: Path) -> str:
     true.save_scan(folder / "scan.ply")
     run_file = folder / "scan.toml"
     summary = write_init(folder / "scan.ply", run_file, force=True)
-    text, right, wrong = with_true_light(run_file.read_text(encoding="utf-8"), room)
+    text, right, wrong = with_true_light(run_file.read_text(encoding="utf-8"), room, true_height=true_height)
     if summary.panels is not None:
         return f"| {name} | 0 of {len(room.lamps)} | {wrong} proposed | | | | | | | |"
     run_file.write_text(text, encoding="utf-8")
@@ -372,11 +376,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--only", nargs="+", choices=sorted(ROOMS), default=list(ROOMS))
+    parser.add_argument("--true-height", action="store_true", help="lamps hang where they do in truth")
     given = parser.parse_args(arguments)
     print("| room | lamps found | no lamps | error | bias | one, % | two, % | median, % | mean, % | NRMSE |")
     print("|" + "---|" * 10)
     for name in given.only:
-        print(row(name, given.folder / name), flush=True)
+        print(row(name, given.folder / name, true_height=given.true_height), flush=True)
 
 
 if __name__ == "__main__":

@@ -16,11 +16,9 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, some_faces
 from lidarspectra.spectra.colorimetry import LUMINANCE_FROM_SRGB
 
-WHITE, GRAY = 0.95, 0.5  # [1] brightest channel of what shines, and its darkest over that
+WHITE, GRAY = 0.95, 0.3  # [1] brightest channel of what shines, and its darkest over that
 CELL_M = 0.05  # [m] of the lattice in which what is white hangs together
 SIDES_M = (0.05, 0.7)  # [m] least and largest extent of a body
-MIN_AREA_M2 = 0.015  # [m²] of a globe of 7 cm
-WHITE_SHARE = 0.75  # [1] of the area within reach of a body, a stem and its foot left to the rest
 ROUND = 0.5  # [1] length of a body's mean normal; 0 of a globe or an open shade, 1 of a flat patch
 OPEN_SHARE = 0.8  # [1] of the directions from a body in which nothing is near
 OPEN_M = 0.06  # [m] how far they must be free
@@ -93,14 +91,13 @@ def _pieces(scan: Scan, faces: IntArray) -> Iterator[IntArray]:
 
 def _body(scan: Scan, is_white: BoolArray, usual: float, faces: IntArray) -> LitBody | None:
     """The body of some white faces, or None where it is none or may be paint; `usual` is the room's luminance."""
-    outer = _outer_faces(scan, faces)
-    if not outer.size or scan.areas[outer].sum() < BODY_SHARE * scan.areas[faces].sum():
-        return None  # a length of a tube, or a wall's bulge
-    faces = outer
+    piece, faces = faces, _without_stem(scan, faces)
+    if not faces.size or scan.areas[faces].sum() < BODY_SHARE * scan.areas[piece].sum():
+        return None  # a length of a tube, or of a wall
     corners = scan.corners[faces].reshape(-1, 3)
     low, high = corners.min(axis=0), corners.max(axis=0)
     areas, sides = scan.areas[faces], high - low
-    if sides.min() < SIDES_M[0] or sides.max() > SIDES_M[1] or areas.sum() < MIN_AREA_M2:
+    if sides.min() < SIDES_M[0] or sides.max() > SIDES_M[1]:
         return None
     if np.linalg.norm(areas @ scan.normals[faces]) > ROUND * areas.sum():
         return None
@@ -110,7 +107,7 @@ def _body(scan: Scan, is_white: BoolArray, usual: float, faces: IntArray) -> Lit
     white_share = float(np.average(is_white[within], weights=scan.areas[within]))
     mean = np.asarray(areas @ scan.face_colors()[faces] / areas.sum())
     contrast = float(mean @ LUMINANCE_FROM_SRGB) / max(usual, 1e-3)
-    if white_share < WHITE_SHARE or contrast < CONTRAST:
+    if contrast < CONTRAST:
         return None
     ways = _open_ways(scan, faces, center, radius + OPEN_M)
     if len(ways) < OPEN_SHARE * DIRECTIONS:
@@ -118,10 +115,11 @@ def _body(scan: Scan, is_white: BoolArray, usual: float, faces: IntArray) -> Lit
     return LitBody(center=center, radius_m=radius, color=mean, white_share=white_share, contrast=contrast)
 
 
-def _outer_faces(scan: Scan, faces: IntArray) -> IntArray:
+def _without_stem(scan: Scan, faces: IntArray) -> IntArray:
     """Faces that look away from their middle, but those much farther from it than most.
 
-    What holds a shade is white in its light, and so is the ceiling or wall beside it, which looks at it.
+    What holds a shade is white in its light, too; a stem as thin as the scan's noise is crumpled, and half of it looks
+    inwards (`research.benchmarks.odd_rooms`, shades).
     """
     for _ in range(STEM_ROUNDS):
         areas = scan.areas[faces]

@@ -54,3 +54,7 @@ def test_a_run_file_gets_the_flux_of_the_lamp_in_the_same_place() -> None:
     assert fluxes[:2] == pytest.approx([np.pi * 0.25 * 200.0, np.pi * 0.25 * 100.0], abs=0.1)
     assert text.count("dim = 0\n") == 1
     assert "assumed" not in text
+    higher, *_ = with_true_light("[scan]\n\n" + found, room, true_height=True)
+    assert re.findall(r"^center = .*$", higher, re.MULTILINE)[:2] == [
+        "center = [2.95, 1.0, 2.480]", "center = [1.05, 1.0, 2.480]",
+    ]  # fmt: skip

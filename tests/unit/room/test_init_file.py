@@ -108,6 +108,8 @@ def test_where_no_lamp_is_found_lit_ceiling_is_told(builder, ceiling, tmp_path: 
     picture = ceiling((0.0, 0.0), (4.0, 3.0))
     if is_told:
         picture.glow((2.0, 1.5), 0.6)
+    else:
+        picture.rectangle((2.0, 1.5), (0.9, 0.7), color=(10.0, 20.0, 255.0))  # a blue sign is none either
     summary = write_init(_written(builder, picture.picture, tmp_path / "room.glb"), tmp_path / "room.toml")
     (advice,) = [line for line in summary.lines() if line.startswith("No lamp is lit in the scan")]
     assert ("Something lights the ceiling, " in advice and " m² around (2.0, 1.5) m: a lamp" in advice) == is_told

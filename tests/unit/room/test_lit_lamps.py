@@ -236,6 +236,7 @@ def test_what_hangs_before_a_ceiling_nearly_as_bright_is_told_as_a_possible_lamp
     (advice,) = bright_places_advice(search.left_out)
     assert "at (2.0, 1.5, 2.0) m. If that is lamps, add them" in advice
     assert list(bright_places_advice([BrightPatch(center=np.zeros(3), area_m2=1.0, reason="too large")])) == []
+    assert not any(patch.is_lit_ceiling for patch in search.left_out if patch.may_be_lamp), "it hangs below it"
 
 
 def test_a_bright_table_top_is_no_lamp(builder, plain) -> None:
