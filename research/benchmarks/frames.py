@@ -1,7 +1,7 @@
 """What the frames themselves buy over an app's texture: the same virtual phone, walk and light, by both.
 
     python -m research.scenes.frames FOLDER
-    python -m research.benchmarks.frames FOLDER [--only office-day ...] [--no-map] [--rivals]
+    python -m research.benchmarks.frames FOLDER [--only office-day ...] [--no-map] [--rivals [evened ...]]
     python -m research.benchmarks.frames FOLDER --lamps         lamps seen in frames, with and without
     python -m research.benchmarks.frames FOLDER --only office-night-1 --plan docs/pictures/frames.png
     python -m research.benchmarks.frames --capture RAW_DATA     a real capture: held-out observations alone
@@ -12,10 +12,10 @@ within one and two stated deviations; the map by the lamps alone against the tru
 another if they are not stated, against the true ones. Of the frames, how far the gains are from the true ones, what
 held-out observations differ by as they are shown and after the solve, and the processor time. `--rivals` adds the
 textures that an app would blend from these very frames, whose exposure moves, as they are ("blended") and with their
-gains compensated before ("evened"), and the true radiance of every face ("true"): what is left there is not the
-frames'. What no frame saw has no colour by all of these, as by an app that has no other pictures, and the material of
-the nearest surface; the phone's texture of one exposure shows it. Rows are kept in each scan's folder:
-`research.benchmarks.frames_table` makes the table of them.
+gains compensated before ("evened"), and the true radiance of every face ("true"), or those of them that are named: what
+is left by true radiance is not the frames'. What no frame saw has no colour by all of these, as by an app that has no
+other pictures, and the material of the nearest surface; the phone's texture of one exposure shows it. Rows are kept in
+each scan's folder: `research.benchmarks.frames_table` makes the table of them.
 
 `--lamps`: reflectance error and bias of the faces' colours after the light is taken out, where frames saw, and the
 lamps' relative fluxes if they are not stated (truly 1), each with and without what frames show of the lamps' own
@@ -79,6 +79,7 @@ from research.scenes.frames import FACE_LIGHT, FRAMES, GAINS
 
 SURE = 0.9  # [1] of white, below which frames' colours are surfaces'
 SPOILED, SPOILED_M = (24, 66), 1.0  # frames whose pose is shifted along their axis for the picture [m]
+RIVALS = ("blended", "evened", "true")
 NO_BELIEF = 100.0  # [1] of the log: a deviation that tells nothing
 HEADER = (
     f"{'scan':18s} {'':8s} {'error':>6s} {'bias':>7s} {'one':>6s} {'two':>6s} {'NRMSE':>6s} {'bias':>8s} "
@@ -86,7 +87,7 @@ HEADER = (
 )
 
 
-def run(folder: Path, *, with_map: bool, with_rivals: bool) -> None:
+def run(folder: Path, *, with_map: bool, rivals: Sequence[str]) -> None:
     """Print a scan's rows, and keep them in its folder."""
     case = read_case(folder)
     reference = true_light(case) if with_map else None
@@ -99,10 +100,12 @@ def run(folder: Path, *, with_map: bool, with_rivals: bool) -> None:
     # Errors are weighed over the faces whose texture shows a surface, of all alike.
     seen = surface_colors(case.scan)[1] & colors.face_seen
     kinds: dict[str, Callable[[], Scan]] = {"texture": lambda: case.scan, "frames": lambda: colors.scan}
-    if with_rivals:
-        kinds["blended"] = lambda: blended(case.scan, colors.frames)
-        kinds["evened"] = lambda: compensated(case.scan, colors.frames)
-        kinds["true"] = lambda: with_true_radiance(case, colors)
+    of_rivals: dict[str, Callable[[], Scan]] = {
+        "blended": lambda: blended(case.scan, colors.frames),
+        "evened": lambda: compensated(case.scan, colors.frames),
+        "true": lambda: with_true_radiance(case, colors),
+    }
+    kinds |= {kind: of_rivals[kind] for kind in RIVALS if kind in rivals}
     rows = []
     for kind, scan_of in kinds.items():
         records = colors.records if kind == "frames" else None
@@ -291,7 +294,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--only", nargs="+", default=[""], help="scans whose names begin so")
     parser.add_argument("--no-map", action="store_true", help="reflectances alone")
-    parser.add_argument("--rivals", action="store_true", help="textures that an app blends from these frames, too")
+    parser.add_argument(
+        "--rivals", nargs="*", choices=RIVALS, help="textures that an app blends from these frames, too; all if bare"
+    )
     parser.add_argument("--lamps", action="store_true", help="what lamps seen in frames tell")
     parser.add_argument("--plan", type=Path, help="draw the frames of the first scan there, as PNG")
     parser.add_argument("--capture", action="store_true", help="the folder is a real capture")
@@ -310,7 +315,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if given.lamps:
             lamps_seen(folder)
         else:
-            run(folder, with_map=not given.no_map, with_rivals=given.rivals)
+            run(folder, with_map=not given.no_map, rivals=RIVALS if given.rivals == [] else given.rivals or ())
 
 
 if __name__ == "__main__":

@@ -2,6 +2,15 @@
 
 A video is decoded from its beginning, since seeking in HEVC is not exact. Frames are asked for in their order, pass by
 pass; one that lies before the last begins anew.
+
+Its values are those of video, not of sRGB, and no decoder brings them there: matrix and range of what a file says of
+its colours count, the transfer does not. By that of BT.709 a value stands for about its power of 1.96, which is what
+the same phone says of its buffers where an app writes them as JPEG (the profile "QuickTime 'nclc' Video (1,1,6)" of 3D
+Scanner App). By sRGB's curve a dark grey would be a quarter darker.
+
+References
+----------
+ITU-R BT.709-6 (2015), Item 1.2. IEC 61966-2-1:1999, the curve of sRGB.
 """
 
 import tempfile
@@ -19,9 +28,15 @@ from lidarspectra.geometry.textures import MAX_TEXTURE_PIXELS
 from lidarspectra.hardware.phone.capture_files import CaptureFiles
 from lidarspectra.hardware.phone.frames import FrameFault
 from lidarspectra.hardware.phone.mp4 import frames_before_edit
+from lidarspectra.spectra.colorimetry import encode_srgb
 
 MAX_VIDEO_BYTES = 16 * 1024**3  # [byte] an hour at 30 Mbit/s
+POWER = 1.961  # [1] of light over a video's value
 MP4_TYPE = b"ftyp"  # of an MP4's first box: FFmpeg goes by content, and a list of addresses must not be opened
+
+
+SRGB_OF_VIDEO = np.rint(255.0 * encode_srgb((np.arange(256) / 255.0) ** POWER)).astype(np.uint8)
+"""(256,) byte of sRGB for each byte of a video."""
 
 
 class Video:
@@ -99,7 +114,7 @@ class Video:
         small = (picture.shape[1] // factor, picture.shape[0] // factor)
         if factor > 1:
             picture = np.asarray(cv2.resize(picture, small, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-        return np.ascontiguousarray(picture[:, :, ::-1])
+        return np.ascontiguousarray(SRGB_OF_VIDEO[picture[:, :, ::-1]])
 
     def close(self) -> None:
         """Close the file, and remove it if it is a copy."""

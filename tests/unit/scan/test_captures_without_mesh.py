@@ -7,8 +7,10 @@ import struct
 import sys
 import tempfile
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.captures import read_capture
 from lidarspectra.hardware.phone.frames import FrameFault, key_frames
 from lidarspectra.hardware.phone.readers import read_scan, read_scan_and_frames
+from lidarspectra.spectra.colorimetry import decode_srgb
 
 from .capture_layouts import SIZE_PX, Shot, box_room, jpeg, round_shots, turning_pose, write_record3d, write_stray
 from .test_captures import read_all, reasons
@@ -148,9 +151,38 @@ def test_frames_of_a_video_are_found_in_any_order(shots: list[Shot], tmp_path: P
         tmp_path / "stray",
         [Shot(pose=shot.pose, picture=picture, depth=shot.depth) for shot, picture in zip(shots, gray, strict=True)],
     )
+    values = values_of_video(folder / "rgb.mp4")
     capture = read_capture(folder)
     for number in (7, 3, 3, 20, 0):
-        assert capture.frames[number].read_image(1000).mean() == pytest.approx(levels[number], abs=4)
+        assert video_value(capture.frames[number].read_image(1000)) == pytest.approx(values[number], abs=1)
+    capture.close()
+
+
+def values_of_video(path: Path) -> list[float]:
+    """Mean of each frame's values, as its codec keeps them."""
+    video = cv2.VideoCapture(str(path))
+    values = []
+    while (picture := video.read()[1]) is not None:
+        values.append(float(picture.mean()))
+    return values
+
+
+def video_value(picture: np.ndarray) -> float:
+    """Of BT.709, of which the profiles of phones make light by the power of 1.96, for a grey picture in sRGB."""
+    return float(255.0 * decode_srgb(picture.mean() / 255.0) ** (1.0 / 1.961))
+
+
+def test_a_video_is_read_like_the_pictures_that_the_same_phone_writes_with_a_profile(
+    shots: list[Shot], tmp_path: Path
+) -> None:
+    """By sRGB's curve a grey of 50 would be .032 of white; what the camera saw is .041."""
+    gray = jpeg(np.full((SIZE_PX[1], SIZE_PX[0], 3), 50, dtype=np.uint8))
+    folder = write_stray(tmp_path / "stray", [replace(shot, picture=gray) for shot in shots])
+    value = values_of_video(folder / "rgb.mp4")[0] / 255.0  # near 50
+    capture = read_capture(folder)
+    light = decode_srgb(capture.frames[0].read_image(1000) / 255.0).mean()
+    assert light == pytest.approx(value**1.961, rel=0.03)
+    assert light > 1.2 * decode_srgb(value)
     capture.close()
 
 
@@ -162,6 +194,7 @@ def test_the_first_frame_that_a_video_leaves_out_moves_no_picture_to_another_pos
     pictures = [jpeg(np.full((SIZE_PX[1], SIZE_PX[0], 3), level, dtype=np.uint8)) for level in levels]
     some = [Shot(pose=shot.pose, picture=each, depth=shot.depth) for shot, each in zip(shots, pictures, strict=True)]
     folder = write_stray(tmp_path / "stray", some)
+    values = values_of_video(folder / "rgb.mp4")
     video = bytearray((folder / "rgb.mp4").read_bytes())
     duration = video.index(b"stts") + 16  # ISO 14496-12, 8.6.1.2: of all frames here
     begin = video.index(b"elst") + 16  # 8.6.6
@@ -171,8 +204,8 @@ def test_the_first_frame_that_a_video_leaves_out_moves_no_picture_to_another_pos
     capture = read_capture(folder)
     assert [frame.name for frame in capture.frames] == [f"{number:06d}" for number in range(1, len(shots))]
     assert capture.left_out == ()
-    for frame, level, shot in zip(capture.frames, levels[1:], shots[1:], strict=True):
-        assert frame.read_image(1000).mean() == pytest.approx(level, abs=4)
+    for frame, value, shot in zip(capture.frames, values[1:], shots[1:], strict=True):
+        assert video_value(frame.read_image(1000)) == pytest.approx(value, abs=1)
         assert np.allclose(frame.camera_to_world, shot.pose, atol=1e-6)
     capture.close()
 
