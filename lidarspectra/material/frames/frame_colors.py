@@ -191,6 +191,7 @@ def _observe(
     sharpness: list[float] = []
     left_out: list[LeftOut] = []
     parts: list[tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]] = []
+    shows_mesh = False
     for number, (frame, picture) in enumerate(zip(frames, pictures(frames, linear_table()), strict=True)):
         progress(number / len(frames), "reading frames")
         if isinstance(picture, FrameFault):
@@ -201,13 +202,14 @@ def _observe(
             left_out.append(frame.left_out("its depth does not fit the mesh from its pose"))
             continue
         sight = view.sight(frame, depth, picture.depth, points, normals)
+        shows_mesh |= sight.index.size > 0
         light, uneven, clipped = sampled(picture, sight)
         good = ~clipped & (light.min(axis=1) > DARK) & (light.max(axis=1) < BRIGHT)
         which = np.full(int(good.sum()), len(usable), dtype=np.int64)
         parts.append((sight.index[good], which, light[good], uneven[good], sight.radius2[good]))
         usable.append(frame)
         sharpness.append(picture.sharpness)
-    if not any(part[0].size for part in parts):
+    if not shows_mesh:
         return _Seen(
             frames=(), sharpness=np.zeros(0), observations=_none(), left_out=tuple(left_out), shows_mesh=False
         )  # fmt: skip

@@ -278,6 +278,18 @@ def test_frames_that_share_no_surface_leave_the_meshs_own_colours(box: Box, yaws
     assert [each.name for each in found.left_out] == [frame.name for frame in frames]
 
 
+@pytest.mark.parametrize("exposed", [1e-4, 1e4])
+def test_frames_that_are_all_black_or_all_white_are_of_this_room_and_leave_the_meshs_own_colours(
+    box: Box, exposed: float
+) -> None:
+    """That mesh and frames were of two scans was said of pictures of a dark room."""
+    poses = [frame.camera_to_world for frame in box.frames[:4]]
+    frames = [shot(f"{number}", box.scan, pose, box.radiance * exposed) for number, pose in enumerate(poses)]
+    found = color_from_frames(box.scan, frames, texel_m=0.05)
+    assert found.scan is box.scan
+    assert [each.reason for each in found.left_out] == [UNTIED] * 4
+
+
 def test_frames_of_another_place_are_refused(box: Box) -> None:
     away = [replace(frame, camera_to_world=pose_of(0, 0, np.array([50.0, 0, 0])) , read_depth=lambda: None)
             for frame in box.frames[:4]]  # fmt: skip
