@@ -1,11 +1,14 @@
 """Frames of 3D Scanner App, its export "All data": `frame_N.jpg`, `frame_N.json`, `depth_N.png`, `conf_N.png`.
 
-The pose is ARKit's (`cameraPoseARFrame`, row-major, camera to world, y up, looking along -z), the mesh `export.obj` in
-the same axes. Poses, depth and confidence are exported many times a second, pictures for every sixth of them or so.
-`exposureDuration` is exported, the ISO is not, so that the exposure is not known.
+The pose is ARKit's (`cameraPoseARFrame`, row-major, camera to world, y up, looking along -z). The app writes up to
+three meshes in the same axes: ARKit's own without colours (`export.obj`), a finer one without (`export_refined.obj`),
+and, of a scan that it processed, one with its texture (`textured_output.obj`). Poses, depth and confidence are exported
+many times a second, pictures for every sixth of them or so. `exposureDuration` is exported, the ISO is not, so that the
+exposure is not known.
 """
 
 import re
+from collections.abc import Sequence
 
 from lidarspectra.hardware.phone.capture_files import CaptureFiles
 from lidarspectra.hardware.phone.frames import (
@@ -22,7 +25,8 @@ from lidarspectra.hardware.phone.obj import read_obj
 from lidarspectra.hardware.phone.raw_mesh import RawMesh
 
 APP = "3D Scanner App"
-MESHES = ("export.obj", "textured_output.obj")  # the first that there is; both in the axes of the poses
+TEXTURED = "textured_output.obj"
+MESHES = (TEXTURED, "export.obj", "export_refined.obj")  # the first that there is, if it has what it is preferred for
 _POSE, _PICTURE = re.compile(r"frame_(\d+)\.json"), re.compile(r"frame_(\d+)\.jpg")
 _BETWEEN = (
     "Of the {poses} poses that the app exported, {pictures} have a picture, as it keeps one of several; they are the "
@@ -87,8 +91,24 @@ def _frame(files: CaptureFiles, number: str) -> Frame:
 
 
 def _mesh(files: CaptureFiles) -> RawMesh | None:
-    name = next((each for each in MESHES if each in files.names), None)
-    if name is None:
-        return None
-    mesh = read_obj(files.read_whole(name), folder=files.beside(name))
-    return RawMesh(parts=mesh.parts, images=mesh.images, unit="m", up="+y")
+    """The textured mesh, whose colours stand where no frame looked; else one that has none."""
+    names = [each for each in MESHES if each in files.names]
+    for name in names:
+        mesh = read_obj(files.read_whole(name), folder=files.beside(name))
+        if name == TEXTURED and not mesh.images and len(names) > 1:
+            continue
+        return RawMesh(parts=mesh.parts, images=mesh.images, unit="m", up="+y", notes=_choice(name, names))
+    return None
+
+
+def _choice(name: str, names: Sequence[str]) -> tuple[str, ...]:
+    """A note on which of several meshes was taken, and why."""
+    others = " and ".join(each for each in names if each != name)
+    if not others:
+        return ()
+    why = "it is the one that the phone made"
+    if name == TEXTURED:
+        why = "it has the app's texture, which colours what no frame saw"
+    elif TEXTURED in names:
+        why = f"the picture of {TEXTURED} is missing"
+    return (f"Of the meshes of this scan {name} was taken, and not {others}, since {why}.",)

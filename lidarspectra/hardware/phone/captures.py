@@ -5,6 +5,7 @@ Layouts are recognised by their files' names. A frame that cannot be used is lef
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from lidarspectra.errors import ScanError
@@ -22,6 +23,7 @@ APPS: tuple[tuple[Callable[[CaptureFiles], bool], Callable[[CaptureFiles], Captu
     (is_record3d, read_record3d),
     (is_stray, read_stray),
 )
+WITH_PICTURES = (".glb", ".gltf", ".usdz")  # formats in which apps write meshes with their pictures
 LAYOUTS = "3D Scanner App's 'All data', Polycam's raw data, a recording of Record3D or of Stray Scanner"
 
 
@@ -74,16 +76,23 @@ def _read(files: CaptureFiles) -> Capture:
 
 def _no_scan(files: CaptureFiles) -> ScanError:
     kind = "a folder" if files.archive is None else "an archive"
-    meshes = sorted(name for name in files.names if name.lower().endswith(FORMATS))
+    meshes = sorted((name for name in files.names if name.lower().endswith(FORMATS)), key=partial(_plainness, files))
     todo = "Export the app's raw data, or give the mesh's file itself (GLB is best)."
     if meshes:  # apps pack an OBJ with its picture
-        todo = f"It holds a mesh: {'give' if files.archive is None else 'unpack it all, and give'} {meshes[0]} itself."
+        what = "a mesh" if len(meshes) == 1 else f"{len(meshes)} meshes"
+        todo = f"It holds {what}: {'give' if files.archive is None else 'unpack it all, and give'} {meshes[0]} itself."
     return ScanError(
         expected=f"raw data of an app ({LAYOUTS})",
         found=f"{kind} in no such layout (files: {len(files.names)})",
         where=str(files.path),
         todo=todo,
     )
+
+
+def _plainness(files: CaptureFiles, mesh: str) -> tuple[int, str]:
+    """What a mesh sorts by, those that probably have a picture first: `export.obj` of some apps has no colour."""
+    pictured = f"{mesh[: mesh.rindex('.')]}.mtl" in files.names or mesh.lower().endswith(WITH_PICTURES)
+    return 0 if pictured else 1, mesh
 
 
 def _several_scans(files: CaptureFiles, bases: list[str]) -> ScanError:

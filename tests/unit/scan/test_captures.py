@@ -351,6 +351,33 @@ def test_a_folder_of_something_else_is_refused_and_says_what_it_should_be(tmp_pa
         read_scan(tmp_path)
 
 
+def test_of_the_meshes_of_3d_scanner_app_the_textured_one_is_taken(copied: Path) -> None:
+    """What no frame saw has its colours from there; `export.obj` has none."""
+    room = box_room()
+    lines = [f"v {x} {y} {z}" for x, y, z in room.vertices.tolist()]
+    lines += ["mtllib textured_output.mtl", "usemtl m", "vt 0.5 0.5"]
+    lines += [f"f {a + 1}/1 {b + 1}/1 {c + 1}/1" for a, b, c in room.faces.tolist()]
+    (copied / "textured_output.obj").write_text("\n".join(lines), encoding="utf-8")
+    (copied / "textured_output.mtl").write_text("newmtl m\nmap_Kd textured_output.jpg\n", encoding="utf-8")
+    (copied / "textured_output.jpg").write_bytes(jpeg(np.full((8, 8, 3), 188, dtype=np.uint8)))
+    scan = read_scan(copied)
+    assert scan.appearance.known
+    assert scan.face_colors() == pytest.approx(0.5, abs=0.02)
+    assert any("textured_output.obj was taken, and not export.obj" in note for note in scan.record.notes)
+    (copied / "textured_output.jpg").unlink()
+    scan = read_scan(copied)
+    assert not scan.appearance.known
+    assert any("export.obj was taken" in note and "picture" in note for note in scan.record.notes)
+
+
+def test_of_the_meshes_in_an_archive_without_frames_one_with_a_picture_is_named(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        for name in ("export.obj", "textured_output.jpg", "textured_output.mtl", "textured_output.obj"):
+            archive.writestr(name, "")
+    with pytest.raises(ScanError, match=r"2 meshes: unpack it all, and give textured_output\.obj itself"):
+        read_scan(tmp_path / "a.zip")
+
+
 def test_a_link_in_a_folder_is_not_followed(copied: Path, tmp_path: Path) -> None:
     secret = tmp_path / "secret.jpg"
     secret.write_bytes((copied / "frame_00000.jpg").read_bytes())
