@@ -36,7 +36,10 @@ _OTHER_WAVELENGTH = re.compile(
     r"wave ?number|1\s*/\s*cm|cm\s*(\^?-|⁻)\s*[1¹]|Å|Å|[aå]ngstr|[\[(]A[\])]|(?<![a-z])[uµμ]m(?![a-z])|micro(n|m)",
     re.IGNORECASE,
 )
-_OTHER_UNIT = re.compile(r"W\s*[/·*. ]\s*(m|cm|sr)|lm|cd|lx|%|percent", re.IGNORECASE)
+_OTHER_UNIT = re.compile(
+    r"W\s*[/·*. ]\s*(m|cm|sr)|(?<![a-z])([mc]?m\s*\^?[-⁻]?\s*[2²]|sr|sqm)(?![a-z])|(ir)?radiance|lm|cd|lx|%|percent",
+    re.IGNORECASE,
+)  # per area or solid angle, in any order, or no power at all
 _PREFIX_SCALE = {"": 1.0, "k": 1e3, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6}
 
 

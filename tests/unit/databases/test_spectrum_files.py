@@ -53,7 +53,11 @@ def test_a_heading_in_watts_per_nanometre_makes_it_absolute(tmp_path, heading, s
     assert np.allclose(found.spectrum.values, [scale, 2 * scale])
 
 
-@pytest.mark.parametrize("heading", ["irradiance W/m²/nm", "W/m2/nm", "W/sr/nm", "value", "lm/nm", "new value"])
+@pytest.mark.parametrize(
+    "heading",
+    ["irradiance W/m²/nm", "W/m2/nm", "W/sr/nm", "value", "lm/nm", "new value", "W/nm/m²", "W nm^-1 m^-2", "mW/nm/sr",
+     "spectral irradiance (W/nm)"],
+)  # fmt: skip
 def test_other_units_are_not_taken_for_flux(tmp_path, heading):
     assert not read_spectrum_file(written(tmp_path, f"wavelength,{heading}\n400,1\n410,2\n")).absolute
 
