@@ -17,10 +17,12 @@ from lidarspectra.room.panes.search import Seen, doubtful_openings, propose_pane
 from lidarspectra.room.polished_floor import shows_image
 from lidarspectra.room.room import UPRIGHT_KINDS, Room, find_room
 from lidarspectra.room.room_planes import Level, face_geometry, of_kinds
+from lidarspectra.room.wall_tops import walls_end_below_ceiling
 from lidarspectra.workflow.run_folder.panes_of_run import found_notes
 
 USUAL_REFLECTANCE = 0.5  # [1] mean of a room's surfaces
 WORTH_SAYING = 0.01  # [1] of all directions that leave the scan: less is cracks of the mesh
+USUAL_HEIGHT_M = 2.5  # [m] of rooms, as an example
 OUTSIDE_SHARE = 0.05  # [1] of the scan's floor outside the room, above which that is said
 
 
@@ -96,6 +98,7 @@ def whole_room(
     notes = (
         *scan.record.notes,
         *_closing_notes(room, openness, floor_given=floor_z is not None, ceiling_given=ceiling_z is not None),
+        *(_low_walls_notes(room, scan) if openness.closed_ceiling_m2 and ceiling_z is None else ()),
         *_open_notes(room, openness),
         *_outside_notes(room),
         *_floor_notes(room, mirrors),
@@ -164,6 +167,22 @@ def _closing_notes(room: Room, openness: Openness, *, floor_given: bool, ceiling
             f"({typical_in_words('closed side')}) where the scan ends, as [scan] close asks. The room goes on there in "
             "truth: points near it are less certain."
         )
+
+
+def _low_walls_notes(room: Room, scan: Scan) -> Iterator[str]:
+    """Where a ceiling was not scanned, and its height is that at which somebody stopped to scan walls."""
+    heights = None if room.ceiling_confidence > 0.0 else walls_end_below_ceiling(scan, room)
+    if heights is None:
+        return
+    low, high = heights
+    ends = f"{high:.1f} m" if high - low < 0.05 else f"{low:.1f} to {high:.1f} m"
+    yield (
+        f"The walls of the scan end at {ends} above the floor, as where they were not scanned up to the ceiling. The "
+        f"room's height of {room.height_m:.2f} m is a guess then, and too low, and so are lamps that hang there. Give "
+        f"the height of the ceiling under [scan], as ceiling = {room.floor_z + USUAL_HEIGHT_M:.2f} for "
+        f"{USUAL_HEIGHT_M:g} m above the floor, and close = true for the walls up to it (init --ceiling), or scan the "
+        "walls up to the ceiling."
+    )
 
 
 def _open_notes(room: Room, openness: Openness) -> Iterator[str]:
