@@ -40,8 +40,11 @@ from lidarspectra.hardware.phone.raw_mesh import FileFolder, MeshPart, RawMesh, 
 from lidarspectra.hardware.phone.wrapping import REPEATING, Wrap, Wraps, with_mirror_image, wrapped
 from lidarspectra.spectra.colorimetry import encode_srgb
 
+UNSIGNED_BYTE = 5121  # 3.6.2.2
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # 3.6.2.2
 MAX_NAMES = 4  # names above a mesh that may say what it is
+AS_GIVEN = ("github.com/mikedh/trimesh", "Open3D", "Open Asset Import Library")
+"""In the names of generators that write coordinates as they were given, those of a PLY with z up too."""
 _WRAPS: dict[int, Wrap] = {CLAMP: "clamp", MIRROR: "mirror"}
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # 3.6.2.2
 
@@ -120,6 +123,7 @@ def _read_document(reading: _Reading) -> RawMesh:
         images=tuple(reading.images),
         unit="m",
         up="+y",
+        as_given=any(name in reading.document.asset.generator for name in AS_GIVEN),
         notes=tuple(reading.notes) + missing,
     )
 
@@ -270,7 +274,14 @@ def _corner_color(reading: _Reading, primitive: Primitive, surface: _Surface, fa
     """(face, 3, 3) sRGB-encoded colours: vertex colours times the material's factor; None where there is neither."""
     factor = np.ones(3) if surface.factor is None else np.array(surface.factor)
     if "COLOR_0" in primitive.attributes:
-        linear = _accessor(reading, primitive.attributes["COLOR_0"], columns=(3, 4), always_normalized=True)[:, :3]
+        stored = primitive.attributes["COLOR_0"]
+        linear = _accessor(reading, stored, columns=(3, 4), always_normalized=True)[:, :3]
+        if item(reading.document.accessors, stored, "accessor", reading.where).component_type == UNSIGNED_BYTE:
+            reading.notes[
+                "The colours of vertices were taken for linear light, as glTF defines them. They have 8 bits, as of "
+                "programs that copy those of a PLY or a picture, which are sRGB (trimesh, Open3D): surfaces are then "
+                "taken for too light. If the file looks pale in a viewer, give the scan as PLY or OBJ."
+            ] = None
         return _at_corners(encode_srgb(linear * factor), faces, reading.where)
     # The colour factor of a material whose texture is missing is not the surface's colour.
     if surface.factor is None or surface.info is not None:

@@ -186,6 +186,7 @@ class Asset(Part):
     """About the file (5.2)."""
 
     version: str
+    generator: str = ""
 
 
 class Document(Part):

@@ -29,6 +29,7 @@ TAIL_FREEDOM = 3.0  # degrees of freedom of Student's t, the heavy-tailed distri
 UNIT_LOG_PRIOR: dict[Unit, float] = {"m": 0.0, "cm": -1.5, "mm": -1.5, "in": -4.0, "ft": -4.0}  # phones write metres
 AXIS_LOG_PRIOR: dict[Axis, float] = {"+y": 0.0, "+z": 0.0, "-y": -4.0, "-z": -4.0, "+x": -4.0, "-x": -6.0}
 DECLARED_LOG_ODDS = 10.0  # a format's own definition is wrong once in some 20,000 files
+AS_GIVEN_LOG_ODDS = 4.0  # the same by programs that write what they were given: that of apps mostly, of a PLY at times
 USUAL_LOG_ODDS = 1.0  # a habit of programs: three files in four
 LEVEL_COSINE = 0.966  # cos 15 degrees: steeper than any floor, finer than scan noise
 LEVEL_WEIGHT = 8.0  # log odds per share of the area that is level
@@ -111,6 +112,7 @@ def find_orientation(
     *,
     declared_unit: Unit | None = None,
     declared_up: Axis | None = None,
+    as_given: bool = False,
     usual_up: Axis | None = None,
     unit: Unit | None = None,
     up: Axis | None = None,
@@ -127,6 +129,8 @@ def find_orientation(
         Corners.
     declared_unit, declared_up : str, optional
         What the format says; overruled only by a room that is absurd otherwise.
+    as_given : bool
+        Whether the file's program is known to write coordinates as it has them: the axis is overruled sooner then.
     usual_up : str, optional
         What most files of the format have; decides only where the geometry is ambiguous.
     unit, up : str, optional
@@ -146,7 +150,8 @@ def find_orientation(
         If the room would be no larger than `MIN_ROOM_M`, or larger than `LARGEST_ROOM_M`, in that unit.
     """
     surface = _Surface.of(vertices, faces, where=where)
-    log_odds = np.array([[_log_odds(surface, u, a, declared_unit, declared_up) for a in AXES] for u in UNITS])
+    log_odds = np.array([[_log_odds(surface, u, a, declared_unit) for a in AXES] for u in UNITS])
+    log_odds += _axis_log_priors(declared_up, AS_GIVEN_LOG_ODDS if as_given else DECLARED_LOG_ODDS)
     if usual_up is not None and declared_up is None:
         log_odds[:, AXES.index(usual_up)] += USUAL_LOG_ODDS
     if unit is not None:
@@ -222,7 +227,12 @@ def _weighted_bounds(values: FloatArray, weights: FloatArray) -> tuple[float, fl
     return float(sorted_values[low]), float(sorted_values[min(high, sorted_values.size - 1)])
 
 
-def _log_odds(surface: _Surface, unit: Unit, up: Axis, declared_unit: Unit | None, declared_up: Axis | None) -> float:
+def _axis_log_priors(declared: Axis | None, log_odds: float) -> FloatArray:
+    """(axis,) of `AXES`; what a format declares replaces what is usual among files that declare nothing."""
+    return np.array([AXIS_LOG_PRIOR[axis] if declared is None else -log_odds * (axis != declared) for axis in AXES])
+
+
+def _log_odds(surface: _Surface, unit: Unit, up: Axis, declared_unit: Unit | None) -> float:
     """How well a unit and an upward axis explain a room, as the logarithm of an unnormalized probability."""
     axis = "xyz".index(up[1])
     sign = 1.0 if up[0] == "+" else -1.0
@@ -231,10 +241,9 @@ def _log_odds(surface: _Surface, unit: Unit, up: Axis, declared_unit: Unit | Non
     widths = sum(
         _log_plausible(extents_m[other], ROOM_WIDTH_M, ROOM_WIDTH_SPREAD) for other in range(3) if other != axis
     )
-    # What a format declares of its unit or axis replaces what is usual among files that declare nothing.
+    # What a format declares of its unit replaces what is usual among files that declare nothing.
     unit_prior = UNIT_LOG_PRIOR[unit] if declared_unit is None else -DECLARED_LOG_ODDS * (unit != declared_unit)
-    axis_prior = AXIS_LOG_PRIOR[up] if declared_up is None else -DECLARED_LOG_ODDS * (up != declared_up)
-    return float(unit_prior + axis_prior + height + widths + _level_log_odds(surface, axis, sign))
+    return float(unit_prior + height + widths + _level_log_odds(surface, axis, sign))
 
 
 def _log_plausible(value: float, usual: float, spread: float) -> float:

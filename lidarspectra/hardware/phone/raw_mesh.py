@@ -86,6 +86,8 @@ class RawMesh:
         The same for the upward axis.
     usual_up : str or None
         Upward axis that most programs write in a format that does not define it.
+    as_given : bool
+        Whether the program that wrote the file writes coordinates as it has them, whatever the format defines.
     notes : tuple of str
         What the user should know about the file.
     """
@@ -95,6 +97,7 @@ class RawMesh:
     unit: Unit | None = None
     up: Axis | None = None
     usual_up: Axis | None = None
+    as_given: bool = False
     notes: tuple[str, ...] = ()
 
 

@@ -126,6 +126,7 @@ def read_scan_and_frames(
         mesh.faces,
         declared_unit=raw.unit,
         declared_up=raw.up,
+        as_given=raw.as_given,
         usual_up=raw.usual_up,
         unit=None if unit == "auto" else unit,
         up=None if up == "auto" else up,

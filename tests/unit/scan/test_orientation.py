@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.orientation import AXES, METRES_PER_UNIT, UNITS, find_orientation, upright_rotation
 from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.workflow.run_folder.assumed import uncertain_of_scan
 
 
 @pytest.mark.parametrize("up", AXES)
@@ -76,6 +77,21 @@ def test_a_glb_in_millimetres_is_found_out_and_said(
     assert scan.record.unit == "mm"
     assert any("so mm was assumed" in note for note in scan.record.notes)
     np.testing.assert_allclose(np.ptp(scan.bounds, axis=0), [4.0, 3.0, 2.6], atol=1e-5)
+
+
+def test_a_glb_whose_program_copies_coordinates_is_not_laid_on_its_side_without_a_word(
+    tmp_path: Path, furnished_room: trimesh.Trimesh, to_y_up: Callable[[trimesh.Trimesh], trimesh.Trimesh]
+) -> None:
+    """trimesh writes a PLY's z up as it is, though glTF has y up; apps' meshes, y up, stay as sure as they were."""
+    path = tmp_path / "room.glb"
+    path.write_bytes(furnished_room.export(file_type="glb"))
+    assert b"mikedh/trimesh" in path.read_bytes()
+    record = read_scan(path).record
+    assert record.up_axis == "+z" or uncertain_of_scan(record) == ("up",)  # said by init, run, map and report
+    path.write_bytes(to_y_up(furnished_room).export(file_type="glb"))
+    record = read_scan(path).record
+    assert record.up_axis == "+y"
+    assert uncertain_of_scan(record) == ()
 
 
 @pytest.mark.parametrize("size_m", [(15, 12, 8.5), (20, 15, 6), (30, 20, 9)])

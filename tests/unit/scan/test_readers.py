@@ -273,6 +273,13 @@ def test_vertex_colours_are_linear_and_multiplied_by_the_factor(tmp_path: Path) 
     np.testing.assert_allclose(center_color(read_scan(path)), [0.5, 0.5, 0], atol=1e-4)
 
 
+def test_vertex_colours_of_eight_bits_may_be_srgb_and_that_is_said(tmp_path: Path) -> None:
+    for kind, said in (("u1", True), ("<u2", False), ("<f4", False)):
+        white = np.iinfo(kind).max if kind != "<f4" else 1.0
+        path = write_gltf(tmp_path, arrays={"COLOR_0": np.full((3, 4), white, dtype=kind)})
+        assert any("taken for linear light" in note for note in read_scan(path).record.notes) == said
+
+
 def test_a_material_without_texture_gives_its_flat_colour(tmp_path: Path) -> None:
     document = {"materials": [{"pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.4, 0.6, 1]}}]}
     scan = read_scan(write_gltf(tmp_path, document=document, primitive={"material": 0}))
