@@ -99,8 +99,8 @@ class SceneRuns:
 
     @property
     def places(self) -> FloatArray:
-        """(point, 2) sensor positions from above [m]."""
-        return self._light.positions[self._rows, :2]
+        """(point, 3) sensor positions [m]."""
+        return self._light.positions[self._rows]
 
     @property
     def centers_nm(self) -> FloatArray:

@@ -16,6 +16,7 @@ from lidarspectra.hardware.sensor.as7265x import (
     nominal_responsivity,
 )
 from lidarspectra.hardware.sensor.measured_readings import fitted_factors, read_readings
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.maps.map_schema import UNKNOWN_CHANNELS
 from lidarspectra.mapping.maps.metrics import Comparison
 from lidarspectra.mapping.maps.readings_on_map import ComparedReadings
@@ -53,6 +54,7 @@ def run(light: xr.Dataset, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> P
     monkeypatch.setattr(comparison, "load_map", lambda path: light)
     monkeypatch.setattr(comparison, "load_scene", lambda folder: Scene)
     monkeypatch.setattr(comparison, "require_stage", lambda folder, stage: folder)
+    monkeypatch.setattr(comparison, "plan_of_run", lambda folder: FloorPlan(outline=np.eye(3, 2)))
     return tmp_path
 
 

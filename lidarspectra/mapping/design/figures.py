@@ -32,7 +32,7 @@ from lidarspectra.mapping.figures.plan_drawing import (
     draw_frame,
     draw_points,
 )
-from lidarspectra.mapping.maps.interpolation import plan_places, point_planes
+from lidarspectra.mapping.maps.interpolation import point_planes, positions
 from lidarspectra.words import digits
 
 CELLS_ACROSS = 140  # a panel is half a page wide
@@ -113,7 +113,7 @@ def design_figure(
         norm = color_norm(np.concatenate([shown.before[chosen], shown.after[chosen]]))
         for column, values in enumerate((shown.before, shown.after)):
             axes = place(figure, LEFT_IN + column * (width + GAP_IN), bottom, width, height)
-            grid = field_grid(plan_places(places)[chosen], values[chosen, None], plan, cells_across=CELLS_ACROSS)
+            grid = field_grid(positions(places)[chosen], values[chosen, None], plan, cells_across=CELLS_ACROSS)
             draw_field(axes, plan, grid, 0, norm, LIGHT_MAP)
             draw_points(axes, places, chosen, values if grid is None else None, norm, LIGHT_MAP)
             for name, corners in areas:

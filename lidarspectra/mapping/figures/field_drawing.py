@@ -8,7 +8,7 @@ from matplotlib.colors import Normalize
 from matplotlib.patches import Polygon as PolygonPatch
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.plan_drawing import HALO, UNKNOWN, closed_lines
@@ -24,23 +24,27 @@ def field_grid(
 
     Parameters
     ----------
-    places : (n, 2) float
-        Positions from above. [m]
+    places : (n, 3) float
+        Positions, on one level. [m]
     values : (n, value) float
         In any unit.
     plan : FloorPlan
-        Its outlines clip the picture, so that a slanted wall has no steps; what is solid has no value.
+        Its outlines clip the picture, so that a slanted wall has no steps; what is solid has no value, and no value
+        goes on behind a wall.
     cells_across, method
         See `grid_values`.
     """
     corners = np.concatenate(plan.outlines)
     (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
     box = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-    whole, room = None, plan.room_of(places)
+    whole, room, from_above = None, plan.room_of(places[:, :2]), places[:, :2]
+    between = plan.between_at(float(np.median(places[:, 2])))
     for number in np.unique(room):
         own = room == number
         try:
-            grid = grid_values(places[own], values[own], box, method=method, cells_across=cells_across)
+            grid = grid_values(
+                from_above[own], values[own], box, method=method, cells_across=cells_across, between=between
+            )
         except MapError:
             continue
         if whole is None:
@@ -80,12 +84,21 @@ def has_unknown(grid: Grid | None, plan: FloorPlan) -> bool:
     return bool(np.isnan(grid.cells[0]).ravel()[plan.is_inside(_centers(grid))].any())
 
 
-def draw_isolines(axes: Axes, grid: Grid | None, plan: FloorPlan) -> None:
-    """Isolux lines with their values, within the walls; dark with a light halo so that they show on any ground."""
+def draw_isolines(axes: Axes, grid: Grid | None, plan: FloorPlan, level_m: float) -> None:
+    """Isolux lines with their values, within the walls; dark with a light halo so that they show on any ground.
+
+    Parameters
+    ----------
+    axes, grid, plan
+        As in `draw_field`.
+    level_m : float
+        Of the map, in the scan's coordinates: where a wall stands on it, no line goes on. [m]
+    """
     if grid is None:
         return
-    outside = ~plan.is_inside(_centers(grid)).reshape(grid.cells.shape[1:])
-    cells = np.ma.masked_invalid(np.where(outside, np.nan, grid.cells[0]))
+    shape = grid.cells.shape[1:]
+    left_out = ~plan.is_inside(_centers(grid)).reshape(shape) | _at_partitions(grid, plan, level_m)
+    cells = np.ma.masked_invalid(np.where(left_out, np.nan, grid.cells[0]))
     if cells.count() == 0 or not cells.max() > cells.min():
         return
     levels = MaxNLocator(nbins=7, steps=[1, 2, 5, 10]).tick_values(float(cells.min()), float(cells.max()))
@@ -93,3 +106,17 @@ def draw_isolines(axes: Axes, grid: Grid | None, plan: FloorPlan) -> None:
     lines.set_path_effects(HALO)
     for text in axes.clabel(lines, fmt=FuncFormatter(lambda value, _: f"{value:g} lx"), fontsize=7.5):
         text.set_path_effects(HALO)
+
+
+def _at_partitions(grid: Grid, plan: FloorPlan, level_m: float) -> BoolArray:
+    """(row, column) whether a wall stands between a cell and the next along x or y."""
+    shape = grid.cells.shape[1:]
+    found = np.zeros(shape, dtype=np.bool_)
+    between = plan.between_at(level_m)
+    if between is None:
+        return found
+    centers = _centers(grid).reshape(*shape, 2)
+    for cell, following in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        first, second = centers[cell], centers[following]
+        found[cell] |= between(first.reshape(-1, 2), second.reshape(-1, 2)).reshape(first.shape[:2])
+    return found

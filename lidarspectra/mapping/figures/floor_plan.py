@@ -2,7 +2,8 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from functools import partial
+from typing import ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,8 +12,10 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.errors import MapError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.mapping.figures.figure_style import PAGE_WIDTH_IN, new_figure
+from lidarspectra.mapping.maps.walls_between import Between
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.furniture import furniture_outlines
+from lidarspectra.room.partitions import Partitions
 from lidarspectra.room.plan_cells import edge_distance, within_polygon
 from lidarspectra.room.room import Room
 
@@ -61,12 +64,15 @@ class FloorPlan:
         Walls of further rooms in the same scan. [m]
     air : AirOnLevel, optional
         Of the maps' level: nothing is drawn inside what is solid there.
+    partitions : Partitions, optional
+        No map goes on behind them.
     """
 
     outline: FloatArray
     furniture: tuple[FloatArray, ...] = ()
     other_outlines: tuple[FloatArray, ...] = ()
     air: AirOnLevel | None = None
+    partitions: Partitions | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "outline", float_array(self.outline, name="FloorPlan.outline", shape=(None, 2)))
@@ -78,11 +84,6 @@ class FloorPlan:
         object.__setattr__(self, "furniture", tuple(shape for shape in shapes if shape.shape[0] >= 3))
         others = [float_array(shape, name="FloorPlan.other_outlines", shape=(None, 2)) for shape in self.other_outlines]
         object.__setattr__(self, "other_outlines", tuple(shape for shape in others if shape.shape[0] >= 3))
-
-    @classmethod
-    def of_walls(cls, room: Room) -> Self:
-        """The walls of a room's plan alone."""
-        return cls(outline=room.outline, other_outlines=room.other_outlines)
 
     @property
     def outlines(self) -> tuple[FloatArray, ...]:
@@ -96,6 +97,12 @@ class FloorPlan:
         away = np.stack([edge_distance(places, outline) for outline in self.outlines])
         away[[within_polygon(places, outline) for outline in self.outlines]] = 0.0
         return np.asarray(away.argmin(axis=0), dtype=np.int64)
+
+    def between_at(self, level_m: float) -> Between | None:
+        """Whether a wall stands between places on a level [m, in the scan's coordinates]; None if not known."""
+        if self.partitions is None:
+            return None
+        return partial(self.partitions.between, level_m=level_m)
 
     def is_inside(self, places: FloatArray) -> BoolArray:
         """(place,) whether each of (place, 2) positions [m] lies in a room."""
@@ -121,6 +128,7 @@ def floor_plan(scan: Scan, room: Room, *, level_m: float | None = None, floor_z:
         furniture=furniture_outlines(scan, room),
         other_outlines=room.other_outlines,
         air=None if level_m is None else air_on_level(scan, room, level_m, floor_z),
+        partitions=Partitions(scan, room.ceiling_z),
     )
 
 

@@ -39,8 +39,8 @@ def illuminance_comparison_figure(
     ----------
     measured, simulated : (point,) float
         [lx]
-    places : (point, 2) float
-        Positions from above. [m]
+    places : (point, 3) float
+        Positions. [m]
     plan : FloorPlan
     uncertainty : (point,) float, optional
         Standard uncertainty of the simulated, drawn as bars. [lx]

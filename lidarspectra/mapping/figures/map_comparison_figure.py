@@ -39,8 +39,8 @@ def map_comparison_figure(
     ----------
     maps : mapping of str to (point, band) float
         The truth first. [W/m²/nm]
-    places : (point, 2) float
-        Positions from above. [m]
+    places : (point, 3) float
+        Positions. [m]
     centers_nm : (band,) float
         [nm]
     plan : FloorPlan

@@ -40,7 +40,7 @@ from lidarspectra.mapping.figures.plan_drawing import (
     plane_words,
 )
 from lidarspectra.mapping.maps.assumptions import assumptions_of
-from lidarspectra.mapping.maps.interpolation import Method, map_planes, plan_places
+from lidarspectra.mapping.maps.interpolation import Method, map_planes, positions
 from lidarspectra.mapping.maps.map_schema import check_map, dark_bands, kept_points
 from lidarspectra.words import two_digits
 
@@ -91,7 +91,7 @@ def maps_figure(
     values = checked["irradiance"].to_numpy()[:, shown]
     prefix = Prefix(symbol="", factor=1.0) if scale == "shape" else prefix_of(values[chosen])
     values = _shapes_percent(values, chosen) if scale == "shape" else values
-    grid = field_grid(plan_places(checked)[chosen], values[chosen], plan, cells_across=PANEL_CELLS, method=method)
+    grid = field_grid(positions(checked)[chosen], values[chosen], plan, cells_across=PANEL_CELLS, method=method)
     labels = checked["band_label"].to_numpy()[shown]
     layout = PanelLayout.of(plan, len(shown), colorbars=scale == "panel")
     figure = new_figure(PAGE_WIDTH_IN, layout.height_in)
@@ -153,7 +153,7 @@ def error_figure(
     up = 0.6 + LEGEND_IN
     axes = place(figure, 0.6, up, width, height)
     norm = Normalize(0.0, float(per_point[chosen].max()) or 1.0)
-    grid = field_grid(plan_places(checked)[chosen], per_point[chosen, None], plan, cells_across=SINGLE_CELLS)
+    grid = field_grid(positions(checked)[chosen], per_point[chosen, None], plan, cells_across=SINGLE_CELLS)
     draw_field(axes, plan, grid, 0, norm, ERROR_MAP)
     draw_points(axes, checked, chosen, per_point if grid is None else None, norm, ERROR_MAP)
     draw_frame(axes, plan, left=True, bottom=True)
@@ -183,9 +183,9 @@ def illuminance_figure(
     figure, box, bar = single_plan(plan, title_in=TITLE_IN, below_in=LEGEND_IN)
     axes = place(figure, *box)
     norm = Normalize(0.0, float(illuminance_lx[chosen].max()) or 1.0)
-    grid = field_grid(plan_places(checked)[chosen], illuminance_lx[chosen, None], plan, cells_across=SINGLE_CELLS)
+    grid = field_grid(positions(checked)[chosen], illuminance_lx[chosen, None], plan, cells_across=SINGLE_CELLS)
     draw_field(axes, plan, grid, 0, norm, LIGHT_MAP)
-    draw_isolines(axes, grid, plan)
+    draw_isolines(axes, grid, plan, float(np.median(checked["z"].to_numpy()[chosen])))
     draw_points(axes, checked, chosen, illuminance_lx if grid is None else None, norm, LIGHT_MAP)
     draw_frame(axes, plan, left=True, bottom=True)
     draw_colorbar(figure, bar, norm, LIGHT_MAP, label="illuminance [lx]")

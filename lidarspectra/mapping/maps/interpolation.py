@@ -16,7 +16,8 @@ from scipy.spatial import ConvexHull, Delaunay, QhullError, cKDTree
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.maps.map_schema import DIRECTION, IRRADIANCE_UNIT, check_map
+from lidarspectra.mapping.maps.map_schema import DIRECTION, IRRADIANCE_UNIT, POSITION, check_map
+from lidarspectra.mapping.maps.walls_between import Between, WallsBetween
 
 Method = Literal["linear", "cubic", "rbf"]
 Interpolant = Callable[[FloatArray], FloatArray]
@@ -165,6 +166,7 @@ def grid_values(
     method: Method = "linear",
     cell_m: float | None = None,
     cells_across: int = CELLS_ACROSS,
+    between: Between | None = None,
 ) -> Grid:
     """Interpolate any readings onto a horizontal grid, by the rules of `grid_map`.
 
@@ -178,6 +180,8 @@ def grid_values(
         As in `grid_map`.
     cells_across : int
         Grid cells on the longer side where no `cell_m` is given.
+    between : callable, optional
+        As in `interpolant`.
 
     Returns
     -------
@@ -194,7 +198,7 @@ def grid_values(
     wanted = Polygon(corners).contains_points(targets) & (_distance(distinct, targets) <= _reach(distinct))
     cells = np.full((targets.shape[0], readings.shape[1]), np.nan)
     if wanted.any():
-        cells[wanted] = interpolant(distinct, readings, method)(targets[wanted])
+        cells[wanted] = interpolant(distinct, readings, method, between)(targets[wanted])
     return Grid(x=x, y=y, cells=cells.T.reshape(-1, y.size, x.size))
 
 
@@ -203,7 +207,12 @@ def plan_places(dataset: xr.Dataset) -> FloatArray:
     return np.stack([dataset["x"].to_numpy(), dataset["y"].to_numpy()], axis=1)
 
 
-def interpolant(places: FloatArray, values: FloatArray, method: Method) -> Interpolant:
+def positions(dataset: xr.Dataset) -> FloatArray:
+    """(point, 3) positions [m]."""
+    return np.stack([dataset[axis].to_numpy() for axis in POSITION], axis=1)
+
+
+def interpolant(places: FloatArray, values: FloatArray, method: Method, between: Between | None = None) -> Interpolant:
     """A function of position through all readings (see `grid_map` for the rules).
 
     Parameters
@@ -214,19 +223,28 @@ def interpolant(places: FloatArray, values: FloatArray, method: Method) -> Inter
         Readings, in any unit.
     method : str
         See `grid_map`.
+    between : callable, optional
+        Whether a wall stands between places and others. A position that does not see all corners of its triangle takes
+        the value of the nearest place on a side of a triangle that it sees whole; NaN where it sees no point.
 
     Returns
     -------
     interpolant : callable
         (m, 2) positions to (m, band) values.
     """
-    hull = _hull(places)
+    hull, triangles = _hull(places), Delaunay(places)
     lowest, highest = values.min(axis=0), values.max(axis=0)
-    inner = _inner_interpolant(places, values, method)
+    inner = _inner_interpolant(places, values, method, triangles)
+    walls = None if between is None else WallsBetween(places, triangles, between)
 
     def evaluate(targets: FloatArray) -> FloatArray:
         inside = _onto_hull(hull, places, targets)
-        return np.asarray(np.clip(inner(inside), lowest, highest), dtype=np.float64)
+        result = np.asarray(np.clip(inner(inside), lowest, highest), dtype=np.float64)
+        if walls is not None:
+            moved = np.linalg.norm(inside - targets, axis=1) > SAME_PLACE_M
+            cut = walls.cut(targets, _triangle_of(triangles, places, inside), moved)
+            result[cut] = walls.value_beside(targets[cut], values)
+        return result
 
     return evaluate
 
@@ -238,6 +256,7 @@ def leave_one_out(
     method: Method = "linear",
     most: int = 400,
     random: np.random.Generator | None = None,
+    between: Between | None = None,
 ) -> InterpolationError:
     """Leave-one-out cross-validation: predict points from the others and compare.
 
@@ -253,6 +272,8 @@ def leave_one_out(
         Test at most so many points, evenly through the list, or drawn by `random` where that is given.
     random : numpy.random.Generator, optional
         See `most`.
+    between : callable, optional
+        As in `interpolant`; a point that sees none of the others is not tested.
 
     Returns
     -------
@@ -281,17 +302,24 @@ def leave_one_out(
     others = [neighbours[neighbours != left_out] for left_out, neighbours in zip(inner, near, strict=True)]
     predicted = np.concatenate(
         [
-            interpolant(places[rest], values[rest], method)(places[[left_out]])
+            interpolant(places[rest], values[rest], method, between)(places[[left_out]])
             for left_out, rest in zip(inner, others, strict=True)
         ]
     )
-    real = values[inner]
+    told = np.isfinite(predicted).all(axis=1)
+    if not told.any():
+        raise MapError(
+            expected="points with neighbours that they see",
+            found="walls around each of them",
+            where="leave-one-out cross-validation",
+        )
+    predicted, real = predicted[told], values[inner[told]]
     lit = real > 0
     percent = 100.0 * np.abs(predicted - real)[lit] / real[lit]
     rms, mean = np.sqrt(((predicted - real) ** 2).mean(axis=0)), np.abs(real.mean(axis=0))
     return InterpolationError(
         method=method,
-        tested=int(inner.size),
+        tested=int(told.sum()),
         nrmse=np.divide(rms, mean, out=np.zeros_like(rms), where=mean > 0),
         median_percent=float(np.median(percent)) if percent.size else 0.0,
     )
@@ -334,31 +362,25 @@ def _hull(places: FloatArray) -> ConvexHull:
         ) from cause
 
 
-def _inner_interpolant(places: FloatArray, values: FloatArray, method: Method) -> Interpolant:
+def _inner_interpolant(places: FloatArray, values: FloatArray, method: Method, triangles: Delaunay) -> Interpolant:
     if method == "linear":
-        return _linear_interpolant(places, values)
+        return _linear_interpolant(places, values, triangles)
     from scipy.interpolate import CloughTocher2DInterpolator, RBFInterpolator  # loads slowly, and maps are linear
 
     if method == "cubic":
-        cubic = CloughTocher2DInterpolator(places, values)
+        cubic = CloughTocher2DInterpolator(triangles, values)
         return lambda targets: np.asarray(cubic(targets), dtype=np.float64)
     neighbours = NEIGHBOURS if places.shape[0] > NEIGHBOURS else None
     spline = RBFInterpolator(places, values, kernel="thin_plate_spline", neighbors=neighbours)
     return lambda targets: np.asarray(spline(targets), dtype=np.float64)
 
 
-def _linear_interpolant(places: FloatArray, values: FloatArray) -> Interpolant:
+def _linear_interpolant(places: FloatArray, values: FloatArray, triangles: Delaunay) -> Interpolant:
     """Linear on the Delaunay triangles, by barycentric weights."""
-    triangles = Delaunay(places)
-    corners_of = np.asarray(triangles.simplices, dtype=np.int64)
 
     def evaluate(targets: FloatArray) -> FloatArray:
-        if targets.shape[0] * corners_of.shape[0] <= MAX_PAIRS:
-            weights = _barycentric(places[corners_of], targets[:, None])
-            found = weights.min(axis=-1).argmax(axis=1)
-        else:
-            found = triangles.find_simplex(targets)
-        corners = corners_of[found]
+        found = _triangle_of(triangles, places, targets)
+        corners = np.asarray(triangles.simplices, dtype=np.int64)[found]
         weights = _barycentric(places[corners], targets)
         result = np.einsum("ni,nib->nb", weights, values[corners])
         lost = found < 0  # between two triangles, by rounding
@@ -367,6 +389,15 @@ def _linear_interpolant(places: FloatArray, values: FloatArray) -> Interpolant:
         return np.asarray(result, dtype=np.float64)
 
     return evaluate
+
+
+def _triangle_of(triangles: Delaunay, places: FloatArray, targets: FloatArray) -> IntArray:
+    """(m,) the triangle around each of (m, 2) targets; -1 between two, by rounding."""
+    corners = np.asarray(triangles.simplices, dtype=np.int64)
+    if targets.shape[0] * corners.shape[0] <= MAX_PAIRS:
+        weights = _barycentric(places[corners], targets[:, None])
+        return np.asarray(weights.min(axis=-1).argmax(axis=1), dtype=np.int64)
+    return np.asarray(triangles.find_simplex(targets), dtype=np.int64)
 
 
 def _barycentric(corners: FloatArray, targets: FloatArray) -> FloatArray:

@@ -3,17 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.measured_readings import Scale, fitted_factors
 from lidarspectra.mapping.maps.metrics import Comparison, Normalisation, compare_maps
+from lidarspectra.room.partitions import Partitions
 from lidarspectra.words import were
 
 MIN_POINTS = 3  # fewer do not characterise a map
@@ -25,6 +26,7 @@ READ: dict[Quantity, tuple[str, str]] = {
     "irradiance": ("a channel", "a higher gain"),
     "illuminance": ("its lux", "a meter of a finer range"),
 }  # what a reading may lack, and what helps where it is zero
+PLACE_SD_M = 0.05  # [m] how far a reading may truly stand from its place: as deep in a wall, it is before it
 NOWHERE_M = 1e9  # [m] stands for a place that is not known: far from everything
 
 
@@ -57,8 +59,8 @@ class ComparedReadings:
         Absolute, and with the 0-1 normalisation by band and by map.
     scale : (band,) float
         What the readings were multiplied by before comparing. [1]
-    places : (point, 2) float
-        Of the points that were compared, from above. [m]
+    places : (point, 3) float
+        Of the points that were compared. [m]
     synthetic, real : (point, band) float
         [W/m²/nm]; of an illuminance one band. [lx]
     uncertainty : (point, band) float or None
@@ -73,10 +75,13 @@ class ComparedReadings:
     uncertainty: FloatArray | None
 
 
-def match_readings(light: xr.Dataset, table: pd.DataFrame, within_m: float, where: Path) -> MatchedReadings:
+def match_readings(
+    light: xr.Dataset, table: pd.DataFrame, within_m: float, where: Path, partitions: Partitions | None = None
+) -> MatchedReadings:
     """For each reading on the map the nearest of its points that look its way.
 
-    Buried points do not count. Readings without nx, ny, nz are taken to look the way of the nearest point.
+    Buried points do not count, and none behind a wall. Readings without nx, ny, nz are taken to look the way of the
+    nearest point.
 
     Parameters
     ----------
@@ -88,6 +93,8 @@ def match_readings(light: xr.Dataset, table: pd.DataFrame, within_m: float, wher
         Largest distance of a reading from its point. [m]
     where : Path
         The readings' file, for errors.
+    partitions : Partitions, optional
+        Of the room.
 
     Raises
     ------
@@ -101,21 +108,39 @@ def match_readings(light: xr.Dataset, table: pd.DataFrame, within_m: float, wher
     tree = cKDTree(places)
     distance, nearest = tree.query(np.where(placed[:, None], readings, NOWHERE_M))
     near = placed & (distance <= within_m)
-    agrees = near.copy()
+    wanted = np.full(readings.shape, np.nan)
     if set(DIRECTION) <= set(table.columns):
-        looks, wanted = _directions(light, usable), table[list(DIRECTION)].to_numpy(dtype=np.float64)
+        wanted = table[list(DIRECTION)].to_numpy(dtype=np.float64)
         wanted = wanted / np.maximum(np.linalg.norm(wanted, axis=1, keepdims=True), 1e-12)
-        for row in np.flatnonzero(near & np.isfinite(wanted).all(axis=1)):
-            about = np.array(tree.query_ball_point(readings[row], within_m), dtype=np.int64)
+    looks, agrees = _directions(light, usable), near.copy()
+
+    def that_look_alike(row: np.integer[Any]) -> IntArray:
+        about = np.array(tree.query_ball_point(readings[row], within_m), dtype=np.int64)
+        if np.isfinite(wanted[row]).all():
             about = about[looks[about] @ wanted[row] >= np.cos(np.radians(MAX_TURN_DEG))]
-            agrees[row] = about.size > 0
+        return np.asarray(about[np.argsort(np.linalg.norm(places[about] - readings[row], axis=1))], dtype=np.int64)
+
+    for row in np.flatnonzero(near & np.isfinite(wanted).all(axis=1)):
+        about = that_look_alike(row)
+        agrees[row] = about.size > 0
+        if about.size:
+            nearest[row] = about[0]
+    turned = int(near.sum() - agrees.sum())
+    hidden = np.zeros(len(agrees), dtype=np.bool_)
+    if partitions is not None:
+        rows = np.flatnonzero(agrees)
+        hidden[rows] = _behind_walls(partitions, places[nearest[rows]], readings[rows])
+        for row in np.flatnonzero(hidden):
+            about = that_look_alike(row)
+            about = about[~_behind_walls(partitions, places[about], np.tile(readings[row], (about.size, 1)))]
+            hidden[row] = about.size == 0
             if about.size:
-                nearest[row] = about[np.argmin(np.linalg.norm(places[about] - readings[row], axis=1))]
-    rows = np.flatnonzero(agrees)
-    turned = int(near.sum() - rows.size)
+                nearest[row] = about[0]
+    rows = np.flatnonzero(agrees & ~hidden)
     if rows.size < MIN_POINTS:
         closest = f"{float(distance[placed].min()):.2f} m" if placed.any() else "no reading has a place"
         also = f"; {turned} more look another way than its points" if turned else ""
+        also += f"; a wall stands between its points and {int(hidden.sum())} more" if hidden.any() else ""
         todo = "Measure at more of its points, looking as they do"
         if not near.any():
             todo = "Bring the readings into the scan's coordinates with 'lidarspectra sensor join --align'"
@@ -128,7 +153,7 @@ def match_readings(light: xr.Dataset, table: pd.DataFrame, within_m: float, wher
     return MatchedReadings(
         points=usable[nearest[rows]].astype(np.int64),
         rows=rows.astype(np.int64),
-        notes=_notes(len(table) - turned, rows.size, turned, within_m),
+        notes=_notes(len(table), rows.size, turned, int(hidden.sum()), within_m),
     )
 
 
@@ -192,7 +217,7 @@ def compare_readings(
     compared = ComparedReadings(
         comparisons=tuple(compare_maps(synthetic, real, normalisation=each) for each in NORMALISATIONS),
         scale=factors,
-        places=np.stack([light[axis].to_numpy() for axis in "xy"], axis=1)[points],
+        places=np.stack([light[axis].to_numpy() for axis in "xyz"], axis=1)[points],
         synthetic=synthetic,
         real=real,
         uncertainty=of_map(f"{quantity}_sd") if scale == "none" and f"{quantity}_sd" in light else None,
@@ -205,18 +230,32 @@ def _directions(light: xr.Dataset, points: IntArray) -> FloatArray:
     return np.stack([light[axis].to_numpy() for axis in DIRECTION], axis=1)[points].astype(np.float64)
 
 
-def _notes(read: int, near: int, turned: int, within_m: float) -> tuple[str, ...]:
+def _behind_walls(partitions: Partitions, points: FloatArray, readings: FloatArray) -> BoolArray:
+    """(pair,) whether a wall stands between (pair, 3) points of a map and readings [m]."""
+    way = points[:, :2] - readings[:, :2]
+    length = np.linalg.norm(way, axis=1, keepdims=True)
+    before = readings[:, :2] + way * np.minimum(PLACE_SD_M / np.maximum(length, 1e-12), 1.0)
+    return partitions.between(points[:, :2], before, points[:, 2])
+
+
+def _notes(read: int, matched: int, turned: int, hidden: int, within_m: float) -> tuple[str, ...]:
     notes = []
+    if hidden:
+        notes.append(
+            f"{were(hidden, 'reading', ('is', 'are'))} left out, since a wall stands between them and the map's points "
+            "beside them. Map points on their side of it, too."
+        )
+    read -= turned + hidden
     if turned:
         notes.append(
             f"{were(turned, 'reading', ('is', 'are'))} left out, since the map's points beside them look another way, "
             f"by more than {MAX_TURN_DEG:g}°. Give their directions nx, ny, nz as the sensor looked, or map those "
             "directions too."
         )
-    if near < read:
+    if matched < read:
         notes.append(
-            f"{read - near} of {read} readings are left out, since they are farther than {within_m:g} m from the map's "
-            "points. Check that they are in the scan's coordinates, or give a larger --within."
+            f"{read - matched} of {read} readings are left out, since they are farther than {within_m:g} m from the "
+            "map's points. Check that they are in the scan's coordinates, or give a larger --within."
         )
     return tuple(notes)
 

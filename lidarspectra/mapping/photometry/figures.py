@@ -19,7 +19,7 @@ from lidarspectra.mapping.figures.plan_drawing import (
     facing_words,
     legend_handles,
 )
-from lidarspectra.mapping.maps.interpolation import plan_places, point_planes
+from lidarspectra.mapping.maps.interpolation import point_planes, positions
 
 SHOWN = {
     "illuminance_lx": "illuminance [lx]",
@@ -80,7 +80,7 @@ def point_maps(
         map_name = (colors or {}).get(name, LIGHT_MAP)
         low = float(field[known].min()) if name in (colors or {}) else 0.0
         norm = Normalize(low, max(float(field[known].max()), low + 1e-12))
-        grid = field_grid(plan_places(values)[known], field[known, None], plan, cells_across=PANEL_CELLS)
+        grid = field_grid(positions(values)[known], field[known, None], plan, cells_across=PANEL_CELLS)
         axes = place(figure, *layout.box(number))
         draw_field(axes, plan, grid, 0, norm, map_name)
         draw_points(axes, values, known, field if grid is None else None, norm, map_name)

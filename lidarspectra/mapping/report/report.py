@@ -78,6 +78,7 @@ def write_report(folder: Path, report: ReportInput, *, workers: int | None = Non
             report.cells,
             shown_points(report.spectral_map.sizes["point"]),
         ),
+        partitions=report.plan.partitions,
         run=report.run,
     )
     page = html.page(

@@ -14,6 +14,7 @@ from lidarspectra.mapping.figures.channel_figures import (
     spectra_figure,
 )
 from lidarspectra.mapping.figures.figure_style import irradiance_unit, prefix_of, svg_text
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.map_figures import (
     error_figure,
     illuminance_figure,
@@ -126,7 +127,8 @@ def maps_section(report: ReportInput, writer: ReportWriter) -> str:
     height = float(np.median(dataset["z"].to_numpy()[chosen])) - report.floor_z_m
     caption = (
         f"Spectral irradiance at {counted(chosen.size, 'point')} {height:.2f} m above the floor, interpolated "
-        f"linearly and left empty (hatched) where no point is near. {_interpolation_words(dataset)}"
+        "linearly, never across a wall, and left empty (hatched) where no point is near. "
+        f"{_interpolation_words(dataset, report.plan)}"
     )
     note = ""
     if len(planes) > 1:
@@ -381,13 +383,15 @@ def _missed_words(report: ReportInput) -> str:
     )
 
 
-def _interpolation_words(dataset: xr.Dataset) -> str:
+def _interpolation_words(dataset: xr.Dataset, plan: FloorPlan) -> str:
     try:
         grid_map(dataset)
     except MapError:
         return "There are too few points for an interpolated map, or they lie on one line: only the points are drawn."
     try:
-        error = leave_one_out(dataset, most=TESTED_POINTS)
+        chosen = map_planes(dataset)[0]
+        level_m = float(np.median(dataset["z"].to_numpy()[chosen]))
+        error = leave_one_out(dataset, points=chosen, most=TESTED_POINTS, between=plan.between_at(level_m))
     except MapError:
         return "No point lies among others on all sides, so that nothing tells how far the map between them is off."
     percent = two_digits(error.median_percent)

@@ -23,11 +23,12 @@ from lidarspectra.mapping.figures.figure_style import LIGHT_MAP, irradiance_unit
 from lidarspectra.mapping.figures.material_figures import OTHER_COLOR, MaterialCode, material_code
 from lidarspectra.mapping.figures.plan_drawing import color_norm
 from lidarspectra.mapping.figures.printable import printable
-from lidarspectra.mapping.maps.interpolation import MIN_POINTS, map_planes, plan_places
+from lidarspectra.mapping.maps.interpolation import MIN_POINTS, map_planes, positions
 from lidarspectra.mapping.maps.light_unknowns import error_bars
 from lidarspectra.mapping.maps.map_schema import POSITION, kept_points
 from lidarspectra.material.material_map import Material
 from lidarspectra.material.material_mesh import daylight_colors
+from lidarspectra.room.partitions import Partitions
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 MAX_FACES = 60_000  # triangles in the page: 1.1 MB, and turns smoothly on a laptop without a graphics card
@@ -92,6 +93,7 @@ def room_view_data(
     *,
     illuminance_lx: FloatArray | None = None,
     light: dict[str, Any] | None = None,
+    partitions: Partitions | None = None,
     run: str = "",
 ) -> str:
     """Data of the 3D view as JSON that is safe inside a script element.
@@ -111,6 +113,8 @@ def room_view_data(
         Where the channels cover V(λ). [lx]
     light : dict, optional
         Of `lamp_light`, for a view whose lamps can be changed.
+    partitions : Partitions, optional
+        The map is not drawn across them.
     run : str
         Name of the run's folder.
 
@@ -130,7 +134,7 @@ def room_view_data(
     data = {
         "bands": spectral_map["band"].to_numpy().tolist(),
         "colors": _colors(),
-        "points": _points(spectral_map, illuminance_lx),
+        "points": _points(spectral_map, illuminance_lx, partitions),
         "kind": "material" if code is None else code.kind,
         "materials": []
         if code is None
@@ -178,20 +182,27 @@ def coarser(surfaces: RoomSurfaces, max_faces: int) -> tuple[IntArray, IntArray,
         cluster_m *= CLUSTER_GROWTH
 
 
-def point_triangles(spectral_map: xr.Dataset) -> IntArray:
+def point_triangles(spectral_map: xr.Dataset, partitions: Partitions | None = None) -> IntArray:
     """(triangle, 3) points between which the map is linear: Delaunay triangles of each plane, none across a gap.
 
     Parameters
     ----------
     spectral_map : xarray.Dataset
         A checked spectral map.
+    partitions : Partitions, optional
+        Of its room: none across a wall.
     """
-    places = plan_places(spectral_map)
-    found = [_plane_triangles(places[plane], plane) for plane in map_planes(spectral_map) if plane.size >= MIN_POINTS]
+    places = positions(spectral_map)
+    found = [
+        _plane_triangles(places[plane], plane, partitions)
+        for plane in map_planes(spectral_map)
+        if plane.size >= MIN_POINTS
+    ]
     return np.concatenate([np.empty((0, 3), dtype=np.int64), *found])
 
 
-def _plane_triangles(places: FloatArray, points: IntArray) -> IntArray:
+def _plane_triangles(on_plane: FloatArray, points: IntArray, partitions: Partitions | None) -> IntArray:
+    places = on_plane[:, :2]
     try:
         triangles = np.asarray(Delaunay(places).simplices, dtype=np.int64)
     except QhullError:  # all on one line: only the points are drawn
@@ -199,7 +210,11 @@ def _plane_triangles(places: FloatArray, points: IntArray) -> IntArray:
     spacing = float(np.median(cKDTree(places).query(places, k=2)[0][:, 1]))
     corners = places[triangles]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    return np.asarray(points[triangles[longest <= LONGEST_EDGE_SPACINGS * spacing]], dtype=np.int64)
+    kept = longest <= LONGEST_EDGE_SPACINGS * spacing
+    if partitions is not None:
+        first, second = (each.reshape(-1, 2) for each in (corners, np.roll(corners, 1, axis=1)))
+        kept &= ~partitions.between(first, second, float(np.median(on_plane[:, 2]))).reshape(-1, 3).any(axis=1)
+    return np.asarray(points[triangles[kept]], dtype=np.int64)
 
 
 def shown_points(count: int) -> IntArray:
@@ -207,7 +222,9 @@ def shown_points(count: int) -> IntArray:
     return np.unique(np.linspace(0, count - 1, min(count, MAX_POINTS)).round().astype(np.int64))
 
 
-def _points(spectral_map: xr.Dataset, illuminance_lx: FloatArray | None) -> dict[str, Any]:
+def _points(
+    spectral_map: xr.Dataset, illuminance_lx: FloatArray | None, partitions: Partitions | None
+) -> dict[str, Any]:
     count = spectral_map.sizes["point"]
     shown = shown_points(count)
     thinned = spectral_map.isel(point=shown)
@@ -225,7 +242,7 @@ def _points(spectral_map: xr.Dataset, illuminance_lx: FloatArray | None) -> dict
         "error": packed(error_bars(thinned)[0], "<f4"),
         "illuminance": None if illuminance_lx is None else packed(illuminance_lx[shown], "<f4"),
         "buried": packed(thinned["buried"].to_numpy(), "u1"),
-        "triangles": packed(point_triangles(thinned), "<u4"),
+        "triangles": packed(point_triangles(thinned, partitions), "<u4"),
         "scales": [[float(norm.vmin or 0.0), float(norm.vmax or 1.0)] for norm in norms],
         "highest": float(clear.max()) or 1.0,
         "unit": irradiance_unit(prefix),

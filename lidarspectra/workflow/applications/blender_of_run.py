@@ -12,6 +12,8 @@ from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
 from lidarspectra.mapping.maps.visible_bands import covers_vision
 from lidarspectra.mapping.photometry.quantities import light_quantity
 from lidarspectra.mapping.report.room_view import point_triangles
+from lidarspectra.room.partitions import Partitions
+from lidarspectra.room.room import load_room
 from lidarspectra.spectra.databases import list_databases, list_lamps, load_reflectances
 from lidarspectra.workflow.run_folder.calibration_of_run import materials_of_run
 from lidarspectra.workflow.run_folder.light_of_run import RunLight, light_of_run, present_lamps_of_run
@@ -47,7 +49,7 @@ def blender_room(run: Path) -> BlenderRoom:
         face_color=scan.face_colors(),
         points=np.stack([light_map[name].to_numpy() for name in ("x", "y", "z")], axis=1),
         normals=np.stack([light_map[name].to_numpy() for name in ("nx", "ny", "nz")], axis=1),
-        triangles=point_triangles(light_map),
+        triangles=point_triangles(light_map, Partitions(scan, load_room(folder).ceiling_z)),
         buried=light_map["buried"].to_numpy(),
         layers=layers,
         shares=shares,

@@ -20,7 +20,6 @@ from lidarspectra.hardware.sensor.measured_readings import (
     read_readings,
 )
 from lidarspectra.mapping.figures.figure_style import save_figure
-from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.illuminance_comparison_figure import illuminance_comparison_figure
 from lidarspectra.mapping.figures.map_comparison_figure import map_comparison_figure
 from lidarspectra.mapping.figures.tables import Table, save_table
@@ -29,10 +28,10 @@ from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
 from lidarspectra.mapping.maps.map_schema import UNKNOWN_CHANNELS, dark_bands, has_illuminance
 from lidarspectra.mapping.maps.readings_on_map import ComparedReadings, compare_readings, match_readings
 from lidarspectra.radiance.scene.scene import load_scene
-from lidarspectra.room.room import load_room
 from lidarspectra.words import two_digits, were
 from lidarspectra.workflow.applications.evaluation_tables import TABLES, band_table, comparison_table, illuminance_table
 from lidarspectra.workflow.run_folder.assumed import result_notes
+from lidarspectra.workflow.run_folder.light_of_run import plan_of_run
 from lidarspectra.workflow.run_folder.workspace import made_folder, require_stage, writing_run
 
 FIGURES = ("evaluation-maps", "evaluation-illuminance")
@@ -136,7 +135,7 @@ def evaluate_run(
             where=str(measured),
             todo="Give the lamps spectra that reach as far, if they send light there.",
         )
-    matched = match_readings(light, table, within_m, measured)
+    matched = match_readings(light, table, within_m, measured, plan_of_run(run).partitions)
     kept = list(columns)
     names = [labels[index] for index in kept]
     tables, notes = [], [*result_notes(assumptions_of(light)), *matched.notes]
@@ -198,7 +197,7 @@ def save_evaluation(evaluation: Evaluation, folder: Path) -> Path:
 
 def draw_evaluation(evaluation: Evaluation, run: Path, folder: Path) -> tuple[Path, ...]:
     """Draw measured and simulated light side by side, as PNG and SVG, in a folder that exists; raises MapError."""
-    plan = FloorPlan.of_walls(load_room(require_stage(run, "scan")))
+    plan = plan_of_run(run)
     files: tuple[Path, ...] = ()
     if evaluation.spectra is not None:
         maps = {"measured": evaluation.spectra.real, "simulated": evaluation.spectra.synthetic}

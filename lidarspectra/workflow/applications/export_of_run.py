@@ -23,6 +23,7 @@ from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.photometry.quantities import light_quantities
 from lidarspectra.mapping.report.room_view import point_triangles
 from lidarspectra.material.material_map import MaterialMap
+from lidarspectra.room.partitions import Partitions
 from lidarspectra.room.room import load_room
 from lidarspectra.workflow.applications.blender_of_run import blender_room
 from lidarspectra.workflow.run_folder.calibration_of_run import materials_of_run
@@ -118,7 +119,7 @@ def lit_meshes(
         np.stack([light_map[name].to_numpy().astype(np.float64) for name in names], axis=1)
         for names in (("x", "y", "z"), ("nx", "ny", "nz"))
     )
-    triangles = point_triangles(light_map)
+    triangles = point_triangles(light_map, Partitions(scan, ceiling_z))
     below = scan.vertices[:, 2][scan.faces].min(axis=1) < ceiling_z - CEILING_M
     room = room_mesh(scan.vertices, scan.faces[below], scan.face_colors()[below])
     legend = legend_mesh(scan.vertices, norm, label)
@@ -191,7 +192,7 @@ def _save_map(shown: _RunToShow, path: Path) -> Path:
         data[f"E_{label}_W_m2_nm"], data[f"SE_{label}_W_m2_nm"] = shown.values[label], error[:, number]
     data["normal"] = np.stack([light[name].to_numpy().astype(np.float64) for name in ("nx", "ny", "nz")], axis=1)
     data["buried"] = light["buried"].to_numpy().astype(np.uint8)
-    cells = [np.arange(len(positions))[:, None], point_triangles(light)]
+    cells = [np.arange(len(positions))[:, None], point_triangles(light, Partitions(shown.scan, shown.ceiling_z))]
     return save_vtu(path, positions, [block for block in cells if len(block)], point_data=data)
 
 

@@ -22,6 +22,8 @@ from lidarspectra.mapping.present_light.watch import PATIENCE
 from lidarspectra.mapping.report.live_page import LiveView, trend_json
 from lidarspectra.mapping.report.room_view import RoomSurfaces, room_view_data, shown_points
 from lidarspectra.progress import Progress, silent
+from lidarspectra.room.partitions import Partitions
+from lidarspectra.room.room import load_room
 from lidarspectra.workflow.live.board import Board
 from lidarspectra.workflow.live.cells_beside import CellsBeside
 from lidarspectra.workflow.live.room_of_run import lit_room
@@ -241,7 +243,8 @@ def _places(places: Sequence[object]) -> FloatArray:
 
 
 def _room_data(run: Path) -> str:
-    scan = load_scan(require_stage(run, "scan"))
+    folder = require_stage(run, "scan")
+    scan = load_scan(folder)
     _, materials = materials_of_run(run, scan)
     surfaces = RoomSurfaces(
         vertices=scan.vertices,
@@ -250,4 +253,11 @@ def _room_data(run: Path) -> str:
         face_color=scan.face_colors(),
     )
     light = load_map(require_stage(run, "map") / MAP_FILE)
-    return room_view_data(light, surfaces, materials.materials, materials.areas(scan.areas), present_lamps_of_run(run))
+    return room_view_data(
+        light,
+        surfaces,
+        materials.materials,
+        materials.areas(scan.areas),
+        present_lamps_of_run(run),
+        partitions=Partitions(scan, load_room(folder).ceiling_z),
+    )

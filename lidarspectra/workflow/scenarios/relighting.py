@@ -25,8 +25,13 @@ from lidarspectra.radiance.sampling.folding import with_spectrum
 from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 from lidarspectra.workflow.run_folder.assumed import assumptions_of_run
-from lidarspectra.workflow.run_folder.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
-from lidarspectra.workflow.run_folder.workspace import current_stage, require_stage, writing_run
+from lidarspectra.workflow.run_folder.light_of_run import (
+    plan_of_run,
+    present_lamps_of_run,
+    scene_of_run,
+    transport_of_run,
+)
+from lidarspectra.workflow.run_folder.workspace import current_stage, writing_run
 
 OFF = 1e-9  # [1] of its flux that a lamp sends which is off: a lamp without any is none
 
@@ -300,10 +305,8 @@ def draw_relit(light: xr.Dataset, folder: Path, run: Path) -> tuple[Path, ...]:
         If the folder cannot be written, or the run's scan stage is gone.
     """
     from lidarspectra.mapping.figures.figure_style import save_figure
-    from lidarspectra.mapping.figures.floor_plan import FloorPlan
     from lidarspectra.mapping.figures.map_figures import maps_figure
-    from lidarspectra.room.room import load_room
 
-    plan = FloorPlan.of_walls(load_room(require_stage(run, "scan")))
+    plan = plan_of_run(run)
     with writing_run(folder):
         return save_figure(maps_figure(light, plan), folder, "maps", kinds=("png",))

@@ -47,7 +47,9 @@ def test_the_tornado_has_its_longest_bar_on_top() -> None:
 def test_maps_are_drawn_of_many_points_of_few_and_of_points_on_a_line(project: Path, tmp_path: Path) -> None:
     plan = true_floor_plan(read_plan(project / "scenes" / "office" / "plan.toml").file)
     generator = np.random.default_rng(1)
-    for number, places in enumerate((generator.random((20, 2)) * 3.0, np.linspace(0.5, 2.5, 4)[:, None] * [1.0, 1.0])):
+    for number, places in enumerate(
+        (generator.random((20, 3)) * [3.0, 3.0, 0.0], np.linspace(0.5, 2.5, 4)[:, None] * [1.0, 1.0, 0.0])
+    ):
         light = generator.random((len(places), 14)) * 1e-3
         figure = map_comparison_figure({"truth": light, "made": 0.9 * light}, places, CENTERS, plan)
         paths = save_figure(figure, tmp_path, f"maps-{number}")
