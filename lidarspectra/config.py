@@ -24,6 +24,7 @@ Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f
 """Of a lamp: any words in one line; what files of results cannot hold, control characters, is refused."""
 Height = Annotated[float, Field(allow_inf_nan=False)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
+DayOfYear = Annotated[str, Field(pattern=r"^(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])$")]
 DEFAULT_POINTS = 176  # of the grid where a run file asks for none: the paper's
 MAX_PANE_LEAN = 0.2  # [1] vertical part of a pane's normal over its level part: panes stand upright
 MIN_AREA_M2 = 1e-3  # [m²] of an area of the plan: less is corners in one line, or given out of order
@@ -193,6 +194,8 @@ class DaylightSection(Section):
     ground_reflectance: Annotated[float, Field(ge=0, le=0.99)] = 0.2
     weather: Annotated[str, Field(min_length=1)] | None = None
     """EPW file of a year, or 'synthetic', for `lidarspectra annual`."""
+    summer_time: tuple[DayOfYear, DayOfYear] | None = None
+    """First and last day, as "03-31", on which clocks are an hour ahead of standard time."""
     windows: Annotated[tuple[WindowSection, ...], Field(min_length=1)]
 
 

@@ -70,10 +70,12 @@ def year() -> xr.Dataset:
     """The hours from 6 to 18 h of every day."""
     times = pd.date_range("2023-01-01 00:30", periods=8760, freq="h")
     lit = times[(times.hour >= 6) & (times.hour < 18)]
-    return xr.Dataset(coords={"time": ("hour", lit)})
+    return xr.Dataset(coords={"time": ("hour", lit)}, attrs={"utc_offset_h": 1.0})
 
 
-@pytest.mark.parametrize("words", ["06-21 12:30", "06-21 12:00", "2025-06-21 12:59", "2030-06-21T12:10"])
+@pytest.mark.parametrize(
+    "words", ["06-21 12:30", "06-21 12:00", "2025-06-21 12:59", "2030-06-21T12:10", "2024-06-21T13:30+02:00"]
+)
 def test_an_hour_is_named_with_or_without_a_year(year: xr.Dataset, words: str) -> None:
     found = year["time"].to_numpy()[_hour_at(year, words)]
     assert found == np.datetime64("2023-06-21T12:30")

@@ -107,6 +107,7 @@ FIRST_STAGES = {  # the first stage that reads a key; the longest name that fits
     "lamps_from_scan": MATERIALS_ON,
     "daylight": STAGES[3:],
     "daylight.weather": STAGES[6:],  # `annual` reads it, but the page shows the run file
+    "daylight.summer_time": STAGES[6:],
     "sensors": STAGES[4:],
     "sensors.device": STAGES[3:],
     "trace": STAGES[4:],
@@ -178,7 +179,7 @@ OTHER_WORDS = {
     "model": "none", "matching": "nearest", "databases": ["builtin", "mine"], "accuracy": "low", "noise": "fine",
     "noise_of": "point", "mode": "rgb", "hours": "9-18", "time": "2026-06-21T13:00:00+02:00", "file": "another",
     "workers": 3, "assumed": ["unit"], "determined": ["one"], "figures": ["png"], "activity": "archive",
-    "kind": "glass",
+    "kind": "glass", "summer_time": ["03-30", "10-26"],
 }  # fmt: skip
 
 

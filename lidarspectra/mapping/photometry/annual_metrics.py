@@ -1,7 +1,8 @@
 """What a year of daylight is judged by: autonomy, sunlight exposure, useful illuminance, melanopic hours.
 
-All are counted over the occupied hours, from 8 to 18 h local standard time on every day of the year, 3650 hours
-(IES LM-83), dark ones included, and of daylight alone: electric lamps are no part of them, and no blinds are drawn.
+All are counted over the occupied hours, from 8 to 18 h by the clock on every day of the year, 3650 hours (IES LM-83),
+dark ones included, and of daylight alone: electric lamps are no part of them, and no blinds are drawn. The clock shows
+local standard time, on the days of a year's `summer_time` an hour more.
 
     DA300       share of the hours with 300 lx or more; sDA300/50% is the share of points where DA300 is 50 % or more
     ASE1000     hours with more than 1000 lx straight from the sun; ASE1000,250h is the share of points with more than
@@ -21,10 +22,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.mapping.maps.map_schema import kept_points
 
-OCCUPIED_H = (8, 18)  # [h] local standard time, IES LM-83
+OCCUPIED_H = (8, 18)  # [h] by the clock, IES LM-83
+SUMMER_TIME = "summer_time"  # attribute of a year: first and last day of summer time, as "03-31 10-27"
 OCCUPIED_HOURS = 365 * (OCCUPIED_H[1] - OCCUPIED_H[0])
 AUTONOMY_LX = 300.0
 AUTONOMY_SHARE = 0.5  # of the hours, from which a point counts for sDA
@@ -60,9 +62,7 @@ def point_metrics(year: xr.Dataset, *, offset_se: float = 0.0) -> pd.DataFrame:
     table : pandas.DataFrame
         A row a point; see `COLUMNS`. Shares are in per cent.
     """
-    times = pd.DatetimeIndex(year["time"].to_numpy())
-    occupied = (times.hour >= OCCUPIED_H[0]) & (times.hour < OCCUPIED_H[1])
-    some = year.isel(hour=np.flatnonzero(occupied))
+    some = year.isel(hour=np.flatnonzero(occupied_hours(year)))
     light, sun, melanopic = (
         some[name].transpose("hour", "point").to_numpy().astype(np.float64)
         for name in ("illuminance", "sun_illuminance", "melanopic_edi")
@@ -86,7 +86,30 @@ def point_metrics(year: xr.Dataset, *, offset_se: float = 0.0) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def _share(hours: "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]") -> FloatArray:
+def occupied_hours(year: xr.Dataset) -> BoolArray:
+    """(hour,) whether each of a year's hours is from 8 to 18 h by the clock.
+
+    Parameters
+    ----------
+    year : xarray.Dataset
+        With `time` in local standard time, and where clocks change the attribute `summer_time`.
+    """
+    times = pd.DatetimeIndex(year["time"].to_numpy())
+    clock = times.hour + is_summer_time(times, str(year.attrs.get(SUMMER_TIME, "")))
+    return np.asarray((clock >= OCCUPIED_H[0]) & (clock < OCCUPIED_H[1]), dtype=np.bool_)
+
+
+def is_summer_time(times: pd.DatetimeIndex, summer_time: str) -> IntArray:
+    """(time,) 1 on the days from the first to the last of "03-31 10-27" (over New Year where the first is later)."""
+    if not summer_time:
+        return np.zeros(len(times), dtype=np.int64)
+    first, last = summer_time.split()
+    day = times.strftime("%m-%d").to_numpy().astype(str)
+    inside = (day >= first) & (day <= last) if first <= last else (day >= first) | (day <= last)
+    return np.asarray(inside, dtype=np.int64)
+
+
+def _share(hours: BoolArray) -> FloatArray:
     """(point,) share of the occupied hours, those without light among them [%]."""
     return np.asarray(100.0 * hours.sum(axis=0) / OCCUPIED_HOURS, dtype=np.float64)
 

@@ -10,7 +10,7 @@ from lidarspectra.io.files import writing
 from lidarspectra.mapping.figures.annual_figures import carpet_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.tables import Table
-from lidarspectra.mapping.photometry.annual_metrics import COLUMNS, OCCUPIED_H, OCCUPIED_HOURS
+from lidarspectra.mapping.photometry.annual_metrics import COLUMNS, OCCUPIED_H, OCCUPIED_HOURS, SUMMER_TIME
 from lidarspectra.mapping.photometry.figures import point_maps
 from lidarspectra.mapping.report import report_page as html
 from lidarspectra.mapping.report.report_writer import ReportWriter
@@ -64,8 +64,13 @@ def write_annual_page(
         If the folder cannot be written.
     """
     writer = ReportWriter(folder)
+    summary = _summary(room, writer, notes, str(year.attrs.get(SUMMER_TIME, "")))
     sections = [
-        html.Section(anchor="summary", title="Summary", content=_summary(room, writer, notes)),
+        html.Section(
+            anchor="summary",
+            title="Summary",
+            content=summary,
+        ),
         html.Section(anchor="maps", title="Maps", content=_maps(year, points, plan, writer)),
         html.Section(anchor="hours", title="Hours of the year", content=_hours(year, writer)),
         html.Section(anchor="points", title="All points", content=_points(year, points, writer)),
@@ -87,7 +92,7 @@ def _place(year: xr.Dataset) -> str:
     return f"{abs(latitude):.2f}° {across}, {abs(longitude):.2f}° {along}"
 
 
-def _summary(room: pd.DataFrame, writer: ReportWriter, notes: tuple[str, ...]) -> str:
+def _summary(room: pd.DataFrame, writer: ReportWriter, notes: tuple[str, ...], summer_time: str) -> str:
     texts = room[["value", "low", "high"]].map(lambda value: digits(value, ".3g"))
     entries = [
         (str(row.metric), f"{text.value} {row.unit}", f"{text.low} to {text.high} within the noise")
@@ -95,13 +100,21 @@ def _summary(room: pd.DataFrame, writer: ReportWriter, notes: tuple[str, ...]) -
         if row.metric in ON_CARDS
     ]
     words = (
-        f"All is counted over {OCCUPIED_HOURS} occupied hours, from {OCCUPIED_H[0]} to {OCCUPIED_H[1]} h local "
-        "standard time on every day, and for daylight alone: electric lamps are no part of it, and no blinds are "
-        "drawn. The ranges are those of two standard errors of the simulation; weather, scan and materials are "
-        "uncertain besides."
+        f"All is counted over {OCCUPIED_HOURS} occupied hours, from {OCCUPIED_H[0]} to {OCCUPIED_H[1]} h "
+        f"{_clock_words(summer_time)} on every day, and for daylight alone: electric lamps are no part of it, and no "
+        "blinds are drawn. The ranges are those of two standard errors of the simulation; weather, scan and materials "
+        "are uncertain besides."
     )
     table = Table(name="annual-room", caption="Metrics of the room.", frame=room, formats={"value": ".4g"})
     return html.cards(entries) + html.warning_box(notes) + html.paragraph(words) + writer.table(table)
+
+
+def _clock_words(summer_time: str) -> str:
+    """By which clock hours are counted, of "03-31 10-27" or nothing."""
+    if not summer_time:
+        return "local standard time, without summer time (summer_time in [daylight] has it)"
+    first, last = summer_time.split()
+    return f"by the clock, which shows summer time from {first} to {last}"
 
 
 def _maps(year: xr.Dataset, points: pd.DataFrame, plan: FloorPlan, writer: ReportWriter) -> str:

@@ -16,7 +16,13 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.mapping.maps.map_schema import kept_points
-from lidarspectra.mapping.photometry.annual_metrics import AUTONOMY_LX, OCCUPIED_H, OCCUPIED_HOURS, SUN_HOURS, SUN_LX
+from lidarspectra.mapping.photometry.annual_metrics import (
+    AUTONOMY_LX,
+    OCCUPIED_HOURS,
+    SUN_HOURS,
+    SUN_LX,
+    occupied_hours,
+)
 from lidarspectra.mapping.rules.limits import Criterion
 
 DAYLIGHT_HOURS = 4380  # of a year, EN 17037
@@ -42,7 +48,7 @@ def daylight_criteria(year: xr.Dataset, factors: FloatArray) -> tuple[Criterion,
         year[name].transpose("hour", "point").to_numpy().astype(np.float64)[:, kept]
         for name in ("illuminance", "sun_illuminance")
     )
-    occupied = _occupied(year)
+    occupied = occupied_hours(year)
 
     def share(values: FloatArray, limit: float, hours: float) -> Callable[[float], float]:
         return lambda factor: 100.0 * float(((values * factor >= limit).sum(axis=0) >= hours).mean())
@@ -69,11 +75,6 @@ def daylight_criteria(year: xr.Dataset, factors: FloatArray) -> tuple[Criterion,
         )
         for rule, what, limit, sense, measure in measures
     )
-
-
-def _occupied(year: xr.Dataset) -> FloatArray:
-    hour = year["time"].dt.hour.to_numpy()
-    return np.asarray((hour >= OCCUPIED_H[0]) & (hour < OCCUPIED_H[1]))
 
 
 def _at(measure: Callable[[float], float], factors: FloatArray) -> FloatArray:

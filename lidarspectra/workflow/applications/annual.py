@@ -22,7 +22,7 @@ from lidarspectra.lamps.shapes import Window as WindowShape
 from lidarspectra.mapping.figures.floor_plan import floor_plan
 from lidarspectra.mapping.maps.map_files import save_map, save_map_table
 from lidarspectra.mapping.photometry.annual_light import YEAR_FILE, annual_light, map_of_hour, save_year
-from lidarspectra.mapping.photometry.annual_metrics import point_metrics, room_metrics
+from lidarspectra.mapping.photometry.annual_metrics import SUMMER_TIME, point_metrics, room_metrics
 from lidarspectra.mapping.report.annual_page import write_annual_page
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.radiance.engine.engine import Engine
@@ -91,7 +91,8 @@ class AnnualDaylight:
         Parameters
         ----------
         time : str
-            Month, day and hour in local standard time: '06-21 12:30', or with any year before.
+            Month, day and hour in local standard time: '06-21 12:30', or with any year before, and then with an offset
+            from UTC too.
 
         Returns
         -------
@@ -152,6 +153,8 @@ def annual_daylight(
     with trace_engine(cluster) as engine:
         transport, year = _traced(inputs, summary, weather, bands, placed, engine, progress)
     year = with_inputs(year, year_inputs(inputs.run_file, inputs.base, summary.folder))
+    if section.summer_time is not None:
+        year.attrs[SUMMER_TIME] = " ".join(section.summer_time)
     points, room = point_metrics(year), room_metrics(year)
     notes = (
         *_notes(transport, weather, section),
@@ -433,7 +436,9 @@ def _hour_at(year: xr.Dataset, time: str) -> int:
     words = time.strip().replace("T", " ")
     try:
         wanted = pd.Timestamp(words if words.count("-") > 1 else f"{times[0].year}-{words}")
-        wanted = wanted.tz_localize(None).replace(year=times[0].year).floor("h")
+        if wanted.tzinfo is not None:
+            wanted = wanted.tz_convert("UTC").tz_localize(None) + pd.Timedelta(hours=float(year.attrs["utc_offset_h"]))
+        wanted = wanted.replace(year=times[0].year).floor("h")
     except ValueError as cause:
         raise RunFileError(
             expected="month, day and hour, as 06-21 12:30", found=f"'{time}'", where="time of a map"
@@ -444,7 +449,7 @@ def _hour_at(year: xr.Dataset, time: str) -> int:
             expected="an hour with daylight",
             found=f"{wanted:%m-%d %H:%M}, when there is none",
             where="time of a map",
-            todo="Times are local standard time, without summer time.",
+            todo="Times are local standard time, without summer time; or give them with their offset from UTC.",
         )
     return int(found[0])
 

@@ -51,6 +51,8 @@ def year_inputs(run_file: RunFile, base: Path, run: Path) -> dict[str, str]:
     for name, keys in KEYS.items():
         settings = declare(run_file, base, *keys).settings
         found[name] = _digest({"run_file": settings["run_file"], "files": settings["files"]})
+    if run_file.daylight is not None and run_file.daylight.summer_time is not None:
+        found["summer time"] = _digest(run_file.daylight.summer_time)
     weather = None if run_file.daylight is None else run_file.daylight.weather
     if weather is not None and (base / weather).is_file():
         found["weather file"] = hash_file(base / weather)

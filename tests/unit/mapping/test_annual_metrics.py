@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from lidarspectra.mapping.photometry.annual_metrics import OCCUPIED_HOURS, point_metrics, room_metrics
+from lidarspectra.mapping.photometry.annual_metrics import OCCUPIED_HOURS, SUMMER_TIME, point_metrics, room_metrics
 
 TIMES = pd.date_range("2023-01-01 00:30", periods=8760, freq="h")
 
@@ -93,3 +93,17 @@ def test_the_noise_widens_what_lies_near_a_limit_and_nothing_else() -> None:
     assert (far["low"], far["high"]) == (100.0, 100.0)
     mean = room_metrics(year(400.0, se=1.0)).set_index("metric").loc["mean illuminance"]
     assert (mean["low"], mean["high"]) == pytest.approx((398.0, 402.0))
+
+
+def test_by_a_clock_of_summer_time_the_hours_begin_at_7_in_standard_time() -> None:
+    early = year({7: 1000.0})
+    assert point_metrics(early)["mean_illuminance_lx"].tolist() == [0.0, 0.0]
+    early.attrs[SUMMER_TIME] = "03-31 10-27"
+    days = 211  # from 31 March to 27 October, both with them
+    assert point_metrics(early)["mean_illuminance_lx"].tolist() == pytest.approx([1000.0 * days / OCCUPIED_HOURS] * 2)
+    early.attrs[SUMMER_TIME] = "10-27 03-31"  # south of the equator: over New Year
+    assert point_metrics(early)["mean_illuminance_lx"].tolist() == pytest.approx([1e3 * 156 / OCCUPIED_HOURS] * 2)
+    late = year({17: 1000.0})
+    late.attrs[SUMMER_TIME] = "03-31 10-27"
+    found = point_metrics(late)["mean_illuminance_lx"].tolist()
+    assert found == pytest.approx([1000.0 * (365 - days) / OCCUPIED_HOURS] * 2)
