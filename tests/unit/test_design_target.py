@@ -12,11 +12,13 @@ from pydantic import BaseModel
 
 from lidarspectra.errors import LidarSpectraError, MapError, RunFileError
 from lidarspectra.mapping.design.candidates import candidate_grid
+from lidarspectra.mapping.design.conditions import TOLERANCE
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.spectra.spectrum_files import read_spectrum_file, write_spectrum_file
 from lidarspectra.workflow.calibration.light import RunRoom
 from lidarspectra.workflow.design import target as design_target
-from lidarspectra.workflow.design.designed_run_file import mixtures_of
+from lidarspectra.workflow.design.designed_run_file import DIM_DIGITS, mixtures_of
+from lidarspectra.workflow.design.designing import _rounded_up
 from lidarspectra.workflow.design.lamps import mixture
 from lidarspectra.workflow.design.points import target_points
 from lidarspectra.workflow.design.target import TargetSection, read_target
@@ -130,3 +132,13 @@ def test_the_first_point_of_a_run_is_1_as_everywhere_else() -> None:
         wrong = target.model_copy(update={"points": (number,)})
         with pytest.raises(LidarSpectraError, match=f"number from 1 to 3, found {number}"):
             target_points((wrong,), cast(RunRoom, None), places, where="target.toml")
+
+
+def test_dims_are_rounded_up_by_less_than_a_target_may_be_missed_by() -> None:
+    dims = np.array([1.0, 0.99999999, 0.054211, 2.3e-4, 1.00001e-3, 3e-9, 0.0])
+    written = _rounded_up(dims)
+    lit = dims > 1e-7
+    assert (written[lit] >= dims[lit] * (1.0 - 1e-6)).all()
+    assert (written[lit] <= dims[lit] * (1.0 + TOLERANCE)).all()
+    assert written[~lit].tolist() == [0.0, 0.0]
+    assert round(float(written[2]), DIM_DIGITS) == 0.05422

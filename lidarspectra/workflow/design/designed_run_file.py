@@ -22,6 +22,7 @@ from lidarspectra.workflow.materials.materials_of_run import all_given
 
 FOLDER = "design"  # in the run folder
 SUFFIX = ".designed"  # of the run file's name
+DIM_DIGITS = 10  # after the point, of dims that are four digits long
 DIGITS = 8  # of the hash in a mixture's file name
 FLUX_KEYS = ("spectrum", "cct_k", "luminous_flux_lm", "radiant_flux_W")
 Table = dict[str, Any]
@@ -134,7 +135,7 @@ def _shape(lamp: Lamp) -> Table:
 def _changed(table: Table, each: DesignedLamp, room: RunRoom, keys: Table) -> list[Table]:
     """A lamp's table as designed; with the lamp that the scan was photographed under, where its spectrum changes."""
     if not keys:
-        return [table | {"dim": round(each.dim, 4)}]
+        return [table | {"dim": round(each.dim, DIM_DIGITS)}]
     new = {key: value for key, value in table.items() if key not in FLUX_KEYS} | keys
     materials = room.run_file.materials
     reads_light = materials.delight and not all_given(materials, room.base)
@@ -155,7 +156,7 @@ def _candidate(each: DesignedLamp, room: RunRoom, keys: Table) -> Table:
         like |= {"spectrum": found.spectrum} if found.spectrum is not None else {"cct_k": found.cct_k}
     kept = {key: value for key, value in like.items() if not (keys and key in FLUX_KEYS)}
     kept.pop("radiant_flux_W", None)
-    light = keys or _flux_key(lamp.name, lamp.flux, room) | {"dim": round(each.dim, 4)}
+    light = keys or _flux_key(lamp.name, lamp.flux, room) | {"dim": round(each.dim, DIM_DIGITS)}
     return kept | {"name": lamp.name, "center": _rounded(lamp.center.tolist()), "dim_in_scan": 0.0} | light
 
 
@@ -170,7 +171,7 @@ def _spectrum_keys(each: DesignedLamp, room: RunRoom, run: Path, base: Path, mix
     assert choice.name is not None  # as it is otherwise
     is_file = Path(choice.name).suffix.lower() in FILE_SUFFIXES and (base / choice.name).is_file()
     spectrum = from_folder(base / choice.name, room.base) if is_file else choice.name
-    return {"spectrum": spectrum, **_flux_key(name, choice.flux, room), "dim": round(share, 4)}
+    return {"spectrum": spectrum, **_flux_key(name, choice.flux, room), "dim": round(share, DIM_DIGITS)}
 
 
 def _flux_key(lamp: str, flux: Spectrum, room: RunRoom) -> Table:

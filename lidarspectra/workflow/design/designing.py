@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lidarspectra.arguments import path_of
+from lidarspectra.arrays import FloatArray
 from lidarspectra.config import RunFile
 from lidarspectra.errors import RunFileError
 from lidarspectra.mapping.design.conditions import Condition
@@ -50,7 +51,7 @@ from lidarspectra.workflow.run_folder.workspace import STAGES, Workspace, requir
 
 SHARES = (0.2, 0.7)  # of the progress, after the light as it is, and after that of candidates
 FIGURE = "before-after"
-DIGITS = 1e4  # dimming is written to a ten-thousandth, rounded up
+OFF = 1e-7  # [1] of its flux below which a lamp is off: the solver's own tolerance
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -226,13 +227,20 @@ def _problem(
 
 
 def _designed(lamps: DesignLamps, solution: Solution) -> tuple[DesignedLamp, ...]:
-    dims = np.minimum(np.ceil(solution.dims * DIGITS - 1e-3) / DIGITS, 1.0)
+    dims = _rounded_up(solution.dims)
     starts = np.cumsum([0, *(len(free.choices) for free in lamps.free)])
     found = []
     for free, start in zip(lamps.free, starts, strict=False):
         pairs = zip(free.choices, dims[start:].tolist(), strict=False)
         found.append(DesignedLamp(of=free, shares=tuple((choice, dim) for choice, dim in pairs if dim > 0)))
     return tuple(found)
+
+
+def _rounded_up(dims: FloatArray) -> FloatArray:
+    """Dims as they are written: four digits that count, so that a strong lamp that glows is as exact as a full one."""
+    step = 10.0 ** (np.floor(np.log10(np.maximum(dims, OFF))) - 3.0)
+    rounded = np.minimum(np.ceil(dims / step - 1e-3) * step, 1.0)
+    return np.asarray(np.where(dims < OFF, 0.0, rounded), dtype=np.float64)
 
 
 def _require_light(work: DesignWork, where: str) -> None:

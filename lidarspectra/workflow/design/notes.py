@@ -50,7 +50,7 @@ def shortfall_words(
             missed.append(f"'{condition.target}' ({condition.words}) {found}")
     words = f"The targets cannot all be met. The least violated design has: {'; '.join(missed)}."
     if blocked is None:
-        return words
+        return f"{words} Only the rounding of the dimming to four digits is in the way: ask for a little less of these."
     return f"{words} {_limits(conditions, blocked)}"
 
 

@@ -61,7 +61,7 @@ def lamps_table(designed: Sequence[DesignedLamp], fixed: Sequence[Lamp], removed
         caption="The lamps as designed. Dimming is the share of the lamp's full flux.",
         frame=pd.DataFrame(rows).reindex(columns=columns),
         formats={
-            "dim before [1]": ".3f", "dim [1]": ".3f", "flux [lm]": ".0f", "power [W]": ".1f",
+            "dim before [1]": ".4g", "dim [1]": ".4g", "flux [lm]": ".0f", "power [W]": ".1f",
             "x [m]": ".2f", "y [m]": ".2f", "z [m]": ".2f",
         },
     )  # fmt: skip
