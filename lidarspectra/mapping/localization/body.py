@@ -13,7 +13,7 @@ https://iquilezles.org/articles/distfunctions (distance to a tapering capsule; s
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -150,9 +150,16 @@ def _parts(limbs: list[_Limb], centers: FloatArray) -> IntArray:
     return np.asarray(number[nearest], dtype=np.int64)
 
 
-def _thinned(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+def load_thinning() -> Any:
+    """The library that decimates bodies, pymeshlab.
+
+    Raises
+    ------
+    MapError
+        If it does not load.
+    """
     try:
-        pymeshlab = load_pymeshlab()
+        return load_pymeshlab()
     except ImportError as cause:
         raise MapError(
             expected="pymeshlab, which decimates the mesh of a body",
@@ -160,6 +167,10 @@ def _thinned(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArra
             where="person",
             todo=INSTALL_MESHLAB.format(extra="localize"),
         ) from cause
+
+
+def _thinned(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    pymeshlab = load_thinning()
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=vertices, face_matrix=faces.astype(np.int32)))
     meshes.meshing_decimation_quadric_edge_collapse(targetfacenum=FACES, preservetopology=True, preservenormal=True)

@@ -11,7 +11,7 @@ from lidarspectra.arguments import path_of
 from lidarspectra.config import RunFile
 from lidarspectra.errors import SensorError
 from lidarspectra.lamps.lamp_file import load_lamps
-from lidarspectra.mapping.localization.body import Posture
+from lidarspectra.mapping.localization.body import Posture, load_thinning
 from lidarspectra.mapping.localization.fingerprint_table import FINGERPRINTS_FILE, save_fingerprints
 from lidarspectra.mapping.localization.person import (
     Positions,
@@ -128,6 +128,7 @@ def fingerprint_room(
     LidarSpectraError
         If anything that the user gave does not fit; what was traced is kept, and the same call goes on after it.
     """
+    load_thinning()  # before minutes of a run: without it nobody can be placed
     # Differences are traced in the lamps' sum, so that the scene must be that of the present lamps.
     summary = run_stages(
         run_file, folder, last="scene", workers=workers, cluster=cluster, listener=listener, relight=False

@@ -1,16 +1,19 @@
 """A grid of positions has none inside of which a sensor would lie, whoever is drawn there."""
 
 import inspect
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lidarspectra.cli.fingerprints import fingerprints
-from lidarspectra.errors import SensorError
+from lidarspectra.errors import MapError, SensorError
 from lidarspectra.mapping.localization.person import Positions
 from lidarspectra.mapping.localization.traced_fingerprints import person_obstacle
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.databases import load_reflectances
+from lidarspectra.workflow.applications import fingerprints as tracing
 from lidarspectra.workflow.applications.fingerprints import (
     FingerprintOrder,
     buried_sensors,
@@ -65,3 +68,10 @@ def test_sensors_inside_of_something_are_named_as_localization_names_them() -> N
     (note,) = buried_sensors(points)
     assert note.startswith("Inside furniture or outside the room: s2.")
     assert buried_sensors(SensorPoints(positions=np.zeros((3, 3)))) == ()
+
+
+def test_without_what_bodies_need_no_run_is_begun(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(sys.modules, "pymeshlab", None)
+    monkeypatch.setattr(tracing, "run_stages", lambda *_, **__: pytest.fail("a run was begun"))
+    with pytest.raises(MapError, match=r"pip install 'lidarspectra\[localize\]'"):
+        tracing.fingerprint_room(tmp_path / "room.toml", FingerprintOrder(grid_m=1.0))
