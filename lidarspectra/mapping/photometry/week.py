@@ -2,7 +2,7 @@
 
 Light is linear in the lamps' dim factors: Q(point, hour) = Σ_lamp q(lamp, point) d(lamp, hour), with d the mean factor
 of the lamp within the hour. Daylight, where a year of it is given, adds its own hours: seven days in a row of the
-year, its local standard time taken for the schedule's. The daily light integral is DLI = Σ_hours PPFD 3600 s, the
+year, in its local standard time, or by the clock where the year has summer time. The daily light integral is DLI = Σ_hours PPFD 3600 s, the
 melanopic dose Σ_hours EDI 1 h.
 
 References
@@ -24,6 +24,7 @@ from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.figures.figure_style import BLUE, MUTED, PAGE_WIDTH_IN, VERMILION, new_figure, place, styled
 from lidarspectra.mapping.figures.tables import Table
+from lidarspectra.mapping.photometry.annual_metrics import SUMMER_TIME, is_summer_time
 from lidarspectra.mapping.photometry.point_light import PointLight
 from lidarspectra.mapping.photometry.quantities import light_quantity
 from lidarspectra.mapping.photometry.schedule import (
@@ -152,7 +153,8 @@ def daylight_of_week(year: xr.Dataset, monday: str) -> dict[str, FloatArray]:
         raise MapError(
             expected="month and day on which the week begins, as 06-17", found=f"'{monday}'", where="week of daylight"
         ) from cause
-    hour = np.asarray((times.floor("h") - first) // pd.Timedelta(hours=1), dtype=np.int64)
+    clock = times + pd.to_timedelta(is_summer_time(times, str(year.attrs.get(SUMMER_TIME, ""))), unit="h")
+    hour = np.asarray((clock.floor("h") - first) // pd.Timedelta(hours=1), dtype=np.int64)
     hour = np.where(hour < 0, hour + DAYS_OF_YEAR * 24, hour)
     inside = np.flatnonzero((hour >= 0) & (hour < HOURS))
     found = {}

@@ -11,6 +11,7 @@ from lidarspectra.errors import MapError, WorkspaceError
 from lidarspectra.lamps.lamps import is_daylight
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.photometry.annual_light import YEAR_FILE, load_year
+from lidarspectra.mapping.photometry.annual_metrics import SUMMER_TIME
 from lidarspectra.mapping.photometry.week import daylight_of_week, read_week, week_of_light
 from lidarspectra.workflow.run_folder.annual_inputs import FOLDER, changed_in_run
 from lidarspectra.workflow.run_folder.assumed import notes_of_light
@@ -66,12 +67,15 @@ def week_of_run(run: Path, schedule: Path, *, daylight_from: str | None = None) 
     notes = (*receptor_notes(found.places.attrs), *dimmed_notes(run), *notes_of_light(run))
     daylight: dict[str, FloatArray] | None = None
     if daylight_from is not None:
-        daylight = daylight_of_week(_year_of_run(run, found.places), daylight_from)
-        notes = (
-            *notes,
-            "The year of daylight is in local standard time, and the schedule is taken for the same: in summer time "
-            "write its hours one less. No blinds are drawn.",
+        year = _year_of_run(run, found.places)
+        daylight = daylight_of_week(year, daylight_from)
+        clock = (
+            "The schedule's hours are those of the clock, by the year's summer_time."
+            if year.attrs.get(SUMMER_TIME)
+            else "The year of daylight is in local standard time, and the schedule is taken for the same: where clocks "
+            "change, give summer_time in [daylight] and make the year again."
         )
+        notes = (*notes, f"{clock} No blinds are drawn.")
     elif of_sky:
         notes = (
             *notes,

@@ -10,6 +10,7 @@ import xarray as xr
 from scipy import constants
 
 from lidarspectra.errors import MapError
+from lidarspectra.mapping.photometry.annual_metrics import SUMMER_TIME
 from lidarspectra.mapping.photometry.point_light import LampShare, PointLight
 from lidarspectra.mapping.photometry.week import (
     daylight_of_week,
@@ -138,6 +139,12 @@ def test_a_room_of_windows_alone_has_a_week_of_daylight(light: PointLight, tmp_p
     np.testing.assert_array_equal(found["dli_mol_m2"], found["daylight_dli_mol_m2"])
     with pytest.raises(MapError, match="none is lit"):
         week_of_light(by_sky, (), read_week(schedule(tmp_path, "lamp,from,to\nshelf,6,22\n")))
+
+
+def test_by_a_clock_of_summer_time_daylight_is_an_hour_later() -> None:
+    year = year_of_daylight().assign_attrs({SUMMER_TIME: "03-03 10-27"})
+    lit = daylight_of_week(year, "03-01")["illuminance_lx"][:, 0].reshape(7, 24) > 0
+    assert [np.flatnonzero(day).tolist() for day in lit] == [list(range(8, 16))] * 2 + [list(range(9, 17))] * 5
 
 
 def test_a_week_over_new_year_goes_on_with_january() -> None:
