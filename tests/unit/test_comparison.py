@@ -366,3 +366,17 @@ def test_a_channel_of_which_the_lamps_spectra_tell_a_part_is_not_compared(
     found = evaluate_run(run, readings(tmp_path))
     assert absolute(found).bands == len(LABELS) - 1
     assert any(f"or of which these tell but a part, are not compared: {LABELS[1]} nm" in note for note in found.notes)
+
+
+def test_a_place_that_was_read_often_counts_once(run: Path) -> None:
+    once = pd.read_csv(readings(run))
+    off = once.iloc[[2]].copy()
+    off[[f"E_{label}" for label in LABELS]] *= 0.8
+    pd.concat([once, *[off] * 7, *[once.iloc[[2]]] * 6]).to_csv(run / "often.csv", index=False)  # seven of either
+    found = evaluate_run(run, run / "often.csv")
+    assert absolute(found).points == 11
+    assert absolute(found).mape_mean == pytest.approx(100.0 * (1.0 / 0.9 - 1.0) / 11)
+    assert "The 24 readings lie at 11 points of the map" in found.notes[-1]
+    pd.concat([once.iloc[[1]], *[once.iloc[[2]]] * 4]).to_csv(run / "two.csv", index=False)
+    with pytest.raises(MapError, match="found 5 at 2"):
+        evaluate_run(run, run / "two.csv")

@@ -166,7 +166,7 @@ def compare_readings(
     scale: Scale,
     where: Path,
 ) -> tuple[ComparedReadings, tuple[str, ...]]:
-    """One quantity of a map beside the readings of it that are complete and above zero.
+    """One quantity of a map beside the readings of it that are complete and above zero, averaged at each point.
 
     Parameters
     ----------
@@ -206,7 +206,16 @@ def compare_readings(
             todo=f"A reading counts where {lacked} is neither missing, saturated nor zero; where it is dark, {remedy} "
             "helps.",
         )
-    points, real = matched.points[whole], real[whole]
+    points, reading = np.unique(matched.points[whole], return_inverse=True)
+    count = np.bincount(reading)
+    real = np.stack([np.bincount(reading, weights=band) / count for band in real[whole].T], axis=1)
+    if points.size < MIN_POINTS:
+        raise MapError(
+            expected=f"readings at {MIN_POINTS} or more of the map's points",
+            found=f"{int(whole.sum())} at {points.size}",
+            where=str(where),
+            todo="Measure at more of its points.",
+        )
 
     def of_map(name: str) -> FloatArray:
         return np.asarray(light[name].to_numpy()[points].reshape(real.shape), dtype=np.float64)
@@ -222,7 +231,13 @@ def compare_readings(
         real=real,
         uncertainty=of_map(f"{quantity}_sd") if scale == "none" and f"{quantity}_sd" in light else None,
     )
-    return compared, _incomplete_notes(quantity, int((~complete).sum()), int(complete.sum() - whole.sum()))
+    notes = _incomplete_notes(quantity, int((~complete).sum()), int(complete.sum() - whole.sum()))
+    if points.size < whole.sum():
+        notes += (
+            f"The {int(whole.sum())} readings lie at {points.size} points of the map: those of one point are averaged, "
+            "so that none counts more often.",
+        )
+    return compared, notes
 
 
 def _directions(light: xr.Dataset, points: IntArray) -> FloatArray:

@@ -2,8 +2,8 @@
 
 Light is linear in the lamps' dim factors: Q(point, hour) = Σ_lamp q(lamp, point) d(lamp, hour), with d the mean factor
 of the lamp within the hour. Daylight, where a year of it is given, adds its own hours: seven days in a row of the
-year, in its local standard time, or by the clock where the year has summer time. The daily light integral is DLI = Σ_hours PPFD 3600 s, the
-melanopic dose Σ_hours EDI 1 h.
+year, in its local standard time, or by the clock where the year has summer time. The daily light integral is
+DLI = Σ_hours PPFD 3600 s, the melanopic dose Σ_hours EDI 1 h.
 
 References
 ----------
