@@ -93,12 +93,13 @@ class LampSection(Section):
     """Relative standard deviation of the flux; None is that of data sheets, or of guesses where it is assumed. [1]"""
     file: str | None = None
     """IES LM-63 or EULUMDAT (.ldt) file, for shape 'ies'."""
-    assumed: bool | tuple[Literal["flux", "spectrum"], ...] = False
-    """Which of its flux and spectrum are guesses, not known: said in notes, map and report. True is both."""
+    assumed: bool | tuple[Literal["flux", "spectrum", "place"], ...] = False
+    """Which of its flux and spectrum are guesses, not known: said in notes, map and report. True is both. 'place' is of
+    a lamp that stands in place of the room's own, which nothing tells."""
 
     @property
     def guesses(self) -> frozenset[str]:
-        """Of 'flux' and 'spectrum' those that are assumed."""
+        """Of 'flux', 'spectrum' and 'place' those that are assumed."""
         return frozenset(("flux", "spectrum") if self.assumed is True else self.assumed or ())
 
     @model_validator(mode="after")

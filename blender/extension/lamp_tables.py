@@ -18,7 +18,7 @@ ROUND = ("disc", "bulb", "spot", "point")
 WITHOUT_AXIS = ("bulb", "point")
 USUAL_DIAMETER_M = {"spot": 0.08, "bulb": 0.06, "point": 0.01}  # [m] what the run file's `size` is where it is left out
 DEFAULTS: Table = {"normal": [0.0, 0.0, -1.0], "rotation_deg": 0.0, "dim": 1.0, "dim_in_scan": 1.0}
-LIGHT_OF_GUESS = {"flux": ("luminous_flux_lm",), "spectrum": ("spectrum", "cct_k")}
+KEYS_OF_GUESS = {"flux": ("luminous_flux_lm",), "spectrum": ("spectrum", "cct_k"), "place": ("center",)}
 SINGLE = 2e-6  # [1] relative deviation of single precision, some steps of it
 SAME_M = 2e-5  # [m] in a room's coordinates; [1] in the components of a direction
 SAME_DEG = 2e-3  # [deg]
@@ -79,7 +79,7 @@ def merged(original: Table, now: Table) -> Table:
     Returns
     -------
     table : dict
-        A flux or spectrum that was changed is assumed no longer.
+        A flux, spectrum or place that was changed is assumed no longer.
     """
     table, changed = dict(original), set()
     for key, value in now.items():
@@ -92,7 +92,7 @@ def merged(original: Table, now: Table) -> Table:
         else:
             table[key] = tidy(value)
     if original and (guesses := _guesses(original.get("assumed"))):
-        left = [guess for guess in guesses if not changed & set(LIGHT_OF_GUESS[guess])]
+        left = [guess for guess in guesses if not changed & set(KEYS_OF_GUESS[guess])]
         if left != guesses:
             table.pop("assumed")
             table |= {"assumed": left} if left else {}

@@ -169,8 +169,8 @@ class MaterialMap:
             words.append(
                 "Reflectances are taken from the scan's colours without de-lighting: the light in the room at the time "
                 "of the scan is still in them, so that most surfaces come out too dark and some too bright, of a scan "
-                "by day by more than the uncertainties that are stated for it. Give the lamps that were lit, and set "
-                "delight = true under [materials]."
+                "by day, or of a room lit by way of its ceiling or a wall, by more than the uncertainties that are "
+                "stated for it. Give the lamps that were lit, and set delight = true under [materials]."
             )
         by_name = [(area, m) for area, m in zip(areas, self.materials, strict=True) if m.source.startswith("typical:")]
         typical = float(sum(area for area, _ in by_name))

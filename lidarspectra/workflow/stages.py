@@ -43,6 +43,7 @@ from lidarspectra.radiance.sampling.transport import (
     save_transport,
     with_opening,
 )
+from lidarspectra.radiance.scene.black_lamps import black_lamps_note
 from lidarspectra.radiance.scene.clearance import clear_lamps
 from lidarspectra.radiance.scene.exported_model import write_workflow
 from lidarspectra.radiance.scene.placement import placement_notes
@@ -347,9 +348,10 @@ def scene_stage(
         lamps, mesh = clear.lamps, clear.scan
         save_lamps(lamps, folder)
         bands = find_bands(run_file.sensors.device, given.base)
+        surfaces = calibrated_materials(materials.value, scan.value, run_file.calibration)
         scene = write_scene(
             mesh,
-            calibrated_materials(materials.value, scan.value, run_file.calibration),
+            surfaces,
             lamps,
             bands,
             folder,
@@ -364,7 +366,12 @@ def scene_stage(
             f"{counted(len(materials.value.materials), 'material')}, "
             f"{counted(len(scene.passes), 'pass')} of up to "
             f"{max(each.slot_count for each in scene.passes)} bands",
-            warnings=(*clear.notes, *placement_notes(lamps, mesh), *glass_notes(scene.left_out_m2)),
+            warnings=(
+                *clear.notes,
+                *placement_notes(lamps, mesh),
+                *glass_notes(scene.left_out_m2),
+                *(() if run_file.calibration else black_lamps_note(lamps, mesh, surfaces)),
+            ),
         )
 
     def present(folder: Path) -> tuple[Lamp, ...]:

@@ -6,9 +6,9 @@
 
 Their light is found by rays alone (`research.virtual_rooms.ray_room`), with nothing of the product. `init` finds the
 lamps; those that it finds get their true flux and colour, with `--true-height` their true height too, and the room is
-run. A row for each: lamps found of true and
-found where none is; area-weighted mean error and bias of reflectances, linear sRGB; shares of the area whose green
-reflectance lies within one and two stated deviations; the map's median and mean errors and its NRMSE, by illuminance.
+run. A row for each: lamps found of true and found where none is; of the surfaces that light reaches, area-weighted mean
+error and bias of reflectances, linear sRGB, and shares whose green reflectance lies within one and two stated
+deviations; the map's median and mean errors and its NRMSE, by illuminance.
 """
 
 import argparse
@@ -23,9 +23,10 @@ import trimesh
 from scipy.spatial import cKDTree
 
 import lidarspectra
-from lidarspectra.arrays import FloatArray
-from lidarspectra.geometry.scan import load_scan
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.geometry.scan import Scan, load_scan
 from lidarspectra.material.material_map import load_materials
+from lidarspectra.spectra.colorimetry import LUMINANCE_FROM_SRGB
 from lidarspectra.workflow.init.init_file import write_init
 from research.virtual_rooms.ray_room import RayRoom, Solved
 
@@ -37,6 +38,7 @@ WHITE, GRAY = 0.82, 0.45
 SHADE = 0.8  # [1] reflectance of lamps
 GREEN_NM = 560.0  # [nm] at which a stated deviation is held against the truth
 NORMAL_WEIGHT_M = 0.1  # [m] distance equivalent to a turn of one radian, between faces of scan and truth
+DARK_SHARE = 0.02  # [1] of the mean light, below which a face is one that no picture shows
 NEAR_M = 0.3  # [m] of a true lamp's middle in plan
 CCT_K = 6504  # [K] of the lamps, the white of linear sRGB
 
@@ -288,10 +290,21 @@ def uplight() -> RayRoom:
     return room
 
 
+def sconces() -> RayRoom:
+    """Two half cylinders of opal glass on a wall."""
+    room = living_room()
+    for x in (1.4, 3.6):
+        half = cylinder((x, 0.0, 1.825), 0.1, 0.25)
+        half.update_faces(half.triangles_center[:, 1] > 0.0)
+        room.add(half, SHADE, radiance=2500.0)
+    return room
+
+
 ROOMS: dict[str, Callable[[], RayRoom]] = {
     "attic": attic, "rotunda": rotunda, "vault": vault, "columns": columns, "two-floors": two_floors,
     "red-room": red_room, "black-studio": black_studio, "bathroom": bathroom, "corridor": corridor,
     "warehouse": warehouse, "one-globe": one_globe, "three-globes": three_globes, "shades": shades, "uplight": uplight,
+    "sconces": sconces,
 }  # fmt: skip
 
 
@@ -317,11 +330,23 @@ def with_true_light(text: str, room: RayRoom, *, true_height: bool = False) -> t
     return head + "".join(tables), len(right), len(tables) - len(right)
 
 
+def nearest_true_faces(scan: Scan, true: Solved) -> IntArray:
+    """(face,) of the truth that each face of a scan shows."""
+    place = np.hstack([true.mesh.triangles_center, NORMAL_WEIGHT_M * true.mesh.face_normals])
+    return np.asarray(cKDTree(place).query(np.hstack([scan.centers, NORMAL_WEIGHT_M * scan.normals]))[1])
+
+
+def lit_faces(true: Solved) -> BoolArray:
+    """(face,) that are no lamps, and that light reaches: no picture shows the floor under a chest, nor its back."""
+    light = true.irradiance @ LUMINANCE_FROM_SRGB
+    mean = np.average(light, weights=true.mesh.area_faces)
+    return np.asarray((true.own == 0) & (light > DARK_SHARE * mean))
+
+
 def of_reflectances(run: Path, true: Solved) -> tuple[float, float, float, float]:
     """Error and bias of reflectances [1], and shares of the area within one and two stated deviations."""
     scan, materials = load_scan(run / "1-scan"), load_materials(run / "3-materials")
-    place = np.hstack([true.mesh.triangles_center, NORMAL_WEIGHT_M * true.mesh.face_normals])
-    nearest = cKDTree(place).query(np.hstack([scan.centers, NORMAL_WEIGHT_M * scan.normals]))[1]
+    nearest = nearest_true_faces(scan, true)
     found = np.array([material.color for material in materials.materials])[materials.face_material]
     stated = np.array(
         [
@@ -330,7 +355,7 @@ def of_reflectances(run: Path, true: Solved) -> tuple[float, float, float, float
         ]
     )[materials.face_material]
     apart = found - true.reflectance[nearest]
-    areas = scan.areas * (true.own[nearest] == 0)
+    areas = scan.areas * lit_faces(true)[nearest]
     within = [float(np.average(np.abs(apart[:, 1]) <= times * stated, weights=areas)) for times in (1, 2)]
     return (
         float(np.average(np.abs(apart).mean(axis=1), weights=areas)),

@@ -7,14 +7,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import lidarspectra as ls
 from lidarspectra.config import RunFile
 from lidarspectra.geometry.scan import ScanRecord
+from lidarspectra.mapping.calibration.model import GUESSED_ALIKE
 from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of, mark_assumed
 from lidarspectra.mapping.maps.light_unknowns import ALL_CAUSES, CAUSES, OF_CAUSE
 from lidarspectra.mapping.maps.map_files import load_map, map_table, read_map_table, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import spectral_map
+from lidarspectra.material.estimate import one_material
 from lidarspectra.room.room import Room
 from lidarspectra.spectra.spectrum import gaussian_bands
+from lidarspectra.workflow.calibration.unknowns_of_run import priors_of_room
 from lidarspectra.workflow.run_folder.assumed import (
     assumed_lamps,
     assumed_of_scan,
@@ -151,7 +155,7 @@ def test_a_guessed_unit_is_a_note_of_the_scan() -> None:
         Assumptions(),
         Assumptions(lamps=("panel 1", "Büro \"2\", 'links'"), scan=("unit", "ceiling")),
         Assumptions(fluxes=("lit 1",)),
-        Assumptions(lamps=("a",), fluxes=("b",), spectra=("c", "d"), scan=("floor",)),
+        Assumptions(lamps=("a",), fluxes=("b",), spectra=("c", "d"), places=("a", "e"), scan=("floor",)),
     ],
 )
 def test_a_map_carries_what_it_assumes_through_its_file(make_map: Any, tmp_path: Path, assumed: Assumptions) -> None:
@@ -201,7 +205,7 @@ def test_flux_and_spectrum_of_a_lamp_are_assumed_apart() -> None:
     assert spectrum.startswith("The spectrum of 1 of 6 lamps ('panel 2') is a guess: the map takes its colours from it")
     assert assumed.in_words() == "flux and spectrum of 2 lamps, flux of 1 lamp, spectrum of 1 lamp"
     with pytest.raises(ValueError, match="assumed"):
-        run_file([["place"]])
+        run_file([["size"]])
 
 
 def test_a_flux_that_readings_determined_is_assumed_no_longer() -> None:
@@ -247,3 +251,22 @@ def make_map() -> Any:
         },
     )
     return spectral_map(transport)
+
+
+def test_lamps_in_place_of_the_room_s_own_are_said_to_be_so_and_their_light_is_known_worst() -> None:
+    both = run_file([["flux", "spectrum", "place"]] * 2 + [["flux"], ["place"], False])
+    names = [lamp.name for lamp in both.lamps]
+    assumed = assumed_lamps(both, names)
+    assert assumed.places == ("panel 1", "panel 2", "panel 4")
+    assert assumed.lamps == ("panel 1", "panel 2")
+    assert assumed.all_lamps == ("panel 1", "panel 2", "panel 3", "panel 4")
+    assert assumed.in_words() == "flux and spectrum of 2 lamps, flux of 1 lamp, place of 3 lamps"
+    assert lamp_notes(assumed, 5)[-1].startswith("Nothing in the scan tells 3 of 5 lamps ('panel 1'")
+    assert assumed.without(fluxes=names, spectra=names) == Assumptions(places=assumed.places)
+    materials = one_material(ls.RoomModel.from_box(4.0, 3.0, 2.5).scan)
+    part, areas = np.zeros(len(materials.face_material), dtype=np.int64), np.ones(len(materials.face_material))
+    priors = priors_of_room(both, names, materials, part, areas)
+    assert priors.flux_sd == pytest.approx([0.9, 0.9, 0.4, 0.9, 0.15])
+    assert priors.flux_correlation[0, 3] == pytest.approx(GUESSED_ALIKE)  # of one rule, whatever lumens they were given
+    told = both.changed(calibration={"determined": ["panel 4"]})
+    assert priors_of_room(told, names, materials, part, areas).flux_sd[3] == pytest.approx(0.15)

@@ -18,6 +18,9 @@ LOCAL_SD = 0.03  # [1] of the model at one place and direction: things that the 
 ERROR_REACH_M = 1.0  # [m] of the model's own error: furniture's shadows and the light of one lamp reach about so far
 FLUX_SD = 0.15  # [1] of a lamp's flux that a data sheet states (ageing, dirt, driver)
 ASSUMED_FLUX_SD = 0.4  # [1] of one that was guessed
+# [1] of lamps that stand in place of a room's own: those that `init` proposes give it the 300 lx of an office, where
+# EN 12464-1 asks for 500 lx at desks and homes have some 50 lx by evening
+PROPOSED_FLUX_SD = 0.9
 SHEET_ALIKE = 0.5  # [1] correlation of lamps of one data sheet: its own error, ageing and dirt they have in common
 GUESSED_ALIKE = 0.85  # [1] correlation of guesses by one rule: what is left, 15 %, are the lamps' areas
 REFLECTANCE_SD = 0.07  # [1] of a part's level, where the materials state no deviation

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import xarray as xr  # loads slowly; who starts a run file needs the words alone
 
 ASSUMED = "assumed"  # attribute of a spectral map
-FLUX_AND_SPECTRUM, FLUX, SPECTRUM, SCAN = "flux and spectrum", "flux", "spectrum", "scan"  # keys of it
+FLUX_AND_SPECTRUM, FLUX, SPECTRUM, PLACE, SCAN = "flux and spectrum", "flux", "spectrum", "place", "scan"  # its keys
 OF_LAMP = (FLUX_AND_SPECTRUM, FLUX, SPECTRUM)
 OF_SCAN = {
     "unit": "the scan's unit",
@@ -37,6 +37,8 @@ class Assumptions:
         Names of lamps whose flux alone is one.
     spectra : tuple of str
         Names of lamps whose spectrum alone is one.
+    places : tuple of str
+        Names of lamps that stand in place of the room's own, whatever else of them is a guess.
     scan : tuple of str
         Of 'unit', 'up', 'floor', 'ceiling' and 'panes' those that are guesses.
     """
@@ -44,17 +46,21 @@ class Assumptions:
     lamps: tuple[str, ...] = ()
     fluxes: tuple[str, ...] = ()
     spectra: tuple[str, ...] = ()
+    places: tuple[str, ...] = ()
     scan: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
-        return bool(self.lamps or self.fluxes or self.spectra or self.scan)
+        return bool(self.lamps or self.fluxes or self.spectra or self.places or self.scan)
 
     @classmethod
     def of_lamps(cls, guesses: Mapping[str, Collection[str]]) -> Self:
-        """Of lamps by name, each with what is assumed of it: 'flux', 'spectrum', both or neither."""
-        kinds = {name: FLUX_AND_SPECTRUM if len(set(what)) == 2 else "".join(what) for name, what in guesses.items()}
+        """Of lamps by name, each with what is assumed of it: some of 'flux', 'spectrum' and 'place', or none."""
+        kinds = {
+            name: " and ".join(each for each in (FLUX, SPECTRUM) if each in what) for name, what in guesses.items()
+        }
         of_kind = {kind: tuple(name for name in kinds if kinds[name] == kind) for kind in OF_LAMP}
-        return cls(lamps=of_kind[FLUX_AND_SPECTRUM], fluxes=of_kind[FLUX], spectra=of_kind[SPECTRUM])
+        places = tuple(name for name, what in guesses.items() if PLACE in what)
+        return cls(lamps=of_kind[FLUX_AND_SPECTRUM], fluxes=of_kind[FLUX], spectra=of_kind[SPECTRUM], places=places)
 
     @property
     def of_flux(self) -> tuple[str, ...]:
@@ -68,8 +74,8 @@ class Assumptions:
 
     @property
     def all_lamps(self) -> tuple[str, ...]:
-        """Names of all lamps of whose light anything is a guess."""
-        return (*self.lamps, *self.fluxes, *self.spectra)
+        """Names of all lamps of which anything is a guess."""
+        return tuple(dict.fromkeys((*self.lamps, *self.fluxes, *self.spectra, *self.places)))
 
     def of_lamp(self, name: str) -> str:
         """What is assumed of a lamp: 'flux and spectrum', 'flux', 'spectrum', or an empty text."""
@@ -83,13 +89,18 @@ class Assumptions:
             name: [what for what in given if what in self.of_lamp(name) and name not in given[what]]
             for name in self.all_lamps
         }
-        return replace(self.of_lamps(left), scan=self.scan)
+        return replace(self.of_lamps(left), places=self.places, scan=self.scan)
 
     def in_words(self, between: str = ", ") -> str:
         """What is assumed in one line, the lamps counted; empty if nothing is."""
         parts = [
             f"{what} of {len(names)} {'lamp' if len(names) == 1 else 'lamps'}"
-            for what, names in ((FLUX_AND_SPECTRUM, self.lamps), (FLUX, self.fluxes), (SPECTRUM, self.spectra))
+            for what, names in (
+                (FLUX_AND_SPECTRUM, self.lamps),
+                (FLUX, self.fluxes),
+                (SPECTRUM, self.spectra),
+                (PLACE, self.places),
+            )
             if names
         ]
         return between.join([*parts, *(OF_SCAN[each] for each in self.scan)])
@@ -115,6 +126,7 @@ def mark_assumed(spectral_map: "xr.Dataset", assumptions: Assumptions) -> "xr.Da
         FLUX_AND_SPECTRUM: assumptions.lamps,
         FLUX: assumptions.fluxes,
         SPECTRUM: assumptions.spectra,
+        PLACE: assumptions.places,
         SCAN: assumptions.scan,
     }
     stated = {name: list(values) for name, values in parts.items() if values}
@@ -128,9 +140,9 @@ def assumptions_of(spectral_map: "xr.Dataset") -> Assumptions:
     except (TypeError, ValueError):
         stated = {}
     stated = stated if isinstance(stated, Mapping) else {}
-    lamps, fluxes, spectra, scan = (_names(stated.get(name)) for name in (*OF_LAMP, SCAN))
+    lamps, fluxes, spectra, places, scan = (_names(stated.get(name)) for name in (*OF_LAMP, PLACE, SCAN))
     guesses = tuple(each for each in scan if each in OF_SCAN)
-    return Assumptions(lamps=lamps, fluxes=fluxes, spectra=spectra, scan=guesses)
+    return Assumptions(lamps=lamps, fluxes=fluxes, spectra=spectra, places=places, scan=guesses)
 
 
 def _names(values: object) -> tuple[str, ...]:

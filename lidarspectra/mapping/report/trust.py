@@ -249,6 +249,13 @@ def _lamp_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRow]:
         (assumed.spectra, "flux", "given", "by the run file or by readings", "it scales with the flux"),
         (assumed.spectra, "spectrum", "assumed", "marked as assumed in the run file", "it has the spectrum's colours"),
     )
+    if assumed.places:
+        yield TrustRow(
+            what=f"place of {counted_lamps(assumed.places, len(traced))}",
+            known="assumed",
+            how="in place of the room's own, which nothing in the scan tells",
+            effect=f"{_percent(_light_share(report, assumed.places))} of the light: where it falls, and how much it is",
+        )
     for names, what, known, how, effect in groups:
         if names:
             yield TrustRow(

@@ -81,7 +81,7 @@ def _lamp_table(lamp: LampSection, spectrum: str | None) -> dict[str, object]:
     table = lamp.model_dump(exclude_unset=True)
     if spectrum is not None:
         if lamp.assumed:
-            table["assumed"] = ["flux"] if "flux" in lamp.guesses else False
+            table["assumed"] = [each for each in ("flux", "place") if each in lamp.guesses] or False
         table.pop("cct_k", None)
         table["spectrum"] = spectrum
     return table

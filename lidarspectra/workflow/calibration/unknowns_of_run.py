@@ -20,6 +20,7 @@ from lidarspectra.mapping.calibration.model import (
     ASSUMED_FLUX_SD,
     FLUX_SD,
     LOCAL_SD,
+    PROPOSED_FLUX_SD,
     REFLECTANCE_SD,
     STEEPEST,
     Priors,
@@ -53,7 +54,8 @@ def priors_of_room(
     """How well a run knows its lamps and reflectances.
 
     Unless the run file states it, fluxes that were guessed, of lamps found in the scan and of windows are known worst;
-    those of lamps of one shape err alike, since one rule gave them, and so do those of all windows. Lamps that the run
+    those of lamps of one shape err alike, since one rule gave them, and so do those of all windows. Where lamps stand
+    in place of the room's own, how much light it has is a guess, whatever lumens they were given. Lamps that the run
     file describes alike are of one data sheet and one age, so that half of their error's variance is common.
     The levels of the parts' reflectances are known as well as `levels_covariance` says.
 
@@ -71,9 +73,11 @@ def priors_of_room(
     """
     determined = set(run_file.calibration.determined if run_file.calibration else ())
     stated = {lamp.name: lamp.flux_deviation for lamp in run_file.lamps if lamp.flux_deviation is not None}
-    known = {lamp.name for lamp in run_file.lamps if "flux" not in lamp.guesses}
+    proposed = {lamp.name for lamp in run_file.lamps if "place" in lamp.guesses} - determined
+    known = {lamp.name for lamp in run_file.lamps if "flux" not in lamp.guesses} - proposed
     known |= determined
     usual = {name: FLUX_SD if name in known else ASSUMED_FLUX_SD for name in lamps}
+    usual |= dict.fromkeys(proposed, PROPOSED_FLUX_SD)
     shape = {lamp.name: lamp.shape for lamp in run_file.lamps}
     of_sheet = {lamp.name: _data_sheet(lamp) for lamp in run_file.lamps if lamp.name not in {*stated, *determined}}
     guessed = [None if name in known or name in stated else shape.get(name, FOUND) for name in lamps]

@@ -238,8 +238,8 @@ def _lit_ceiling(left_out: Sequence[BrightPatch]) -> str:
     if not places:
         return ""
     return (
-        f" Something lights the ceiling, {'; '.join(places)}: a lamp that shines upward, a cove or a window. Such "
-        "lamps are not found; give them their place and the direction that they shine in."
+        f" Something lights the ceiling, {'; '.join(places)}: a lamp that shines upward, one on a wall, a cove or "
+        "a window. Such lamps are not found; give them their place and the direction that they shine in."
     )
 
 

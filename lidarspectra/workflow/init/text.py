@@ -195,7 +195,8 @@ def _light_of_lamp(summary: InitSummary, guess_lm: float, words: str) -> Iterato
         yield f"luminous_flux_lm = {_significant(guess_lm)}  # {words}"
     else:
         yield f"luminous_flux_lm = {toml_value(summary.luminous_flux_lm)}  # {given}"
-    if guesses := summary.assumed_of_lamps:
+    guesses = (*summary.assumed_of_lamps, *(("place",) if summary.panels is not None else ()))
+    if guesses:
         yield f"assumed = {toml_value(list(guesses))}  # guesses; delete what you have given"
 
 

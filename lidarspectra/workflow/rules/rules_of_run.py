@@ -168,7 +168,8 @@ def _notes(run: Path, section: RulesSection, light: RuleLight) -> tuple[str, ...
     if assumed:
         notes.append(
             f"These probabilities rest on guesses: {assumed.in_words()}. Where a flux is guessed, it is taken as known "
-            "within a factor of 1.5 (one standard deviation), so that few requirements are near 0 or 1. Write "
+            "within a factor of 1.5 (one standard deviation), where the lamps' places are too within one of 2.5, so "
+            "that few requirements are near 0 or 1. Write "
             "what you know into the run file, or calibrate the run by readings ('lidarspectra calibrate'), and give "
             "this command again."
         )

@@ -95,12 +95,24 @@ def lamp_notes(assumptions: Assumptions, lamp_count: int) -> tuple[str, ...]:
         (assumptions.fluxes, "The flux", "scales with it"),
         (assumptions.spectra, "The spectrum", "takes its colours from it"),
     )
-    return tuple(
+    of_light = tuple(
         f"{what} of {counted_lamps(names, lamp_count)} ({named_lamps(names)}) "
         f"{'are guesses' if names is assumptions.lamps else 'is a guess'}: the map {effect}, and its standard error "
         f"does not know of that. {LAMP_TODO}"
         for names, what, effect in groups
         if names
+    )
+    return of_light + _place_note(assumptions.places, lamp_count)
+
+
+def _place_note(names: tuple[str, ...], lamp_count: int) -> tuple[str, ...]:
+    """A note where lamps stand in place of the room's own."""
+    if not names:
+        return ()
+    return (
+        f"Nothing in the scan tells {counted_lamps(names, lamp_count)} ({named_lamps(names)}), in place of the room's "
+        "own: where light falls is a guess, and how much of it there is known to a factor of some 2.5. Write the "
+        "room's lamps into the run file; where one of these does hang there, take 'place' out of 'assumed'.",
     )
 
 
@@ -155,7 +167,8 @@ def result_notes(assumptions: Assumptions) -> tuple[str, ...]:
         return ()
     return (
         f"These values rest on guesses: {assumptions.in_words()}. They change with what is true of them. "
-        "Standard errors do not know of it; the map's uncertainty counts 40 % for a guessed flux and, channel by "
-        "channel, by how much usual lamps differ from a guessed spectrum. Write what you know into the run file, "
+        "Standard errors do not know of it; the map's uncertainty counts 40 % for a guessed flux, 90 % where the lamps "
+        "themselves are guesses and, channel by channel, by how much usual lamps differ from a guessed spectrum. "
+        "Write what you know into the run file, "
         "delete 'assumed' there, and run it again.",
     )

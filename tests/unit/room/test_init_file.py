@@ -356,7 +356,7 @@ def test_what_all_lamps_have_alike_is_given_once_and_not_assumed(lit_room, dark_
     assert any("Edit the lamps' fluxes (--lumens), and delete" in line for line in summary.lines())
     write_init(dark_room, path, choices=InitChoices(luminous_flux_lm=1234567.5), force=True)  # panels, proposed
     panels = read_run_file(path).lamps
-    assert all(lamp.luminous_flux_lm == 1234567.5 and lamp.guesses == {"spectrum"} for lamp in panels)
+    assert all(lamp.luminous_flux_lm == 1234567.5 and lamp.guesses == {"spectrum", "place"} for lamp in panels)
     assert "ASSUMED: places, sizes and spectrum." in path.read_text(encoding="utf-8")
 
 
