@@ -135,7 +135,8 @@ def materials_table(materials: Sequence[Material], areas_m2: FloatArray, bands: 
     return Table(
         name="materials",
         caption="Materials by area, with the colour that the scan shows, and their number in materials.csv (group). "
-        "The standard deviation of a reflectance is common to its channels; none is stated of what was assigned.",
+        "The standard deviation of a reflectance is common to its channels; none is stated of what was assigned, "
+        "which the map counts as known to 3 %.",
         frame=frame,
         formats=formats,
     )
