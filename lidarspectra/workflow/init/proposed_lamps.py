@@ -16,6 +16,7 @@ PITCH_M = 2.4  # [m] from panel to panel in offices: four ceiling tiles of 0.6 m
 PANEL_M = 0.6  # [m] side of a panel
 PANEL_LM = 3600.0  # [lm] of such a panel; one for each 5.8 m² of floor gives offices some 300 lx
 MAX_PANELS = 24  # a larger room gets a wider pitch, and brighter panels
+WIDEST_PITCH_M = 20.0  # [m] beyond it a panel would send 250,000 lm: no lamp does, and no run file may say so
 WALL_M = 0.2  # [m] least distance of a panel's edge from the walls
 SHIFTS = tuple(product((0.0, 0.25, -0.25, 0.5), repeat=2))  # [1] of a grid in steps; the even one first
 PLACES = 100  # along each side of a room's box, among which its deepest place is looked for
@@ -64,8 +65,8 @@ def propose_panels(room: Room, free: FreeSpace) -> ProposedPanels:
     """
     pitch = PITCH_M
     plans = _plans(room, pitch)
-    while len(plans) > MAX_PANELS:
-        pitch *= 1.1
+    while len(plans) > MAX_PANELS and pitch < WIDEST_PITCH_M:
+        pitch = min(1.1 * pitch, WIDEST_PITCH_M)
         plans = _plans(room, pitch)
     if not len(plans):  # a narrow room
         plans = _deepest_place(room)[None]

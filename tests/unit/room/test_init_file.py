@@ -270,6 +270,26 @@ def test_the_panel_of_a_narrow_corridor_round_a_corner_hangs_in_it(builder) -> N
     assert len(panels) == 1
 
 
+def test_a_hall_gets_panels_that_its_run_file_may_have() -> None:
+    from lidarspectra.geometry.scan import bare_scan
+    from lidarspectra.room.free_space import FreeSpace
+    from lidarspectra.room.room import Room
+    from lidarspectra.workflow.checks.plausible_numbers import LUMINOUS_FLUX
+    from lidarspectra.workflow.init.proposed_lamps import propose_panels
+
+    sides = np.array([200.0, 100.0, 12.0])
+    box = trimesh.creation.box(sides)
+    inward = bare_scan(box.vertices + sides / 2, box.faces[:, ::-1])
+    outline = np.array([[0.0, 0.0], [200.0, 0.0], [200.0, 100.0], [0.0, 100.0]])
+    hall = Room(
+        floor_z=0.0, ceiling_z=12.0, floor_area_m2=2e4, ceiling_area_m2=2e4, floor_confidence=1.0,
+        ceiling_confidence=1.0, wall_angle_deg=0.0, wall_confidence=1.0, walls=(), outline=outline,
+    )  # fmt: skip
+    panels = propose_panels(hall, FreeSpace(inward, hall))
+    assert len(panels) * panels.luminous_flux_lm == pytest.approx(3600.0 / 2.4**2 * 2e4, rel=0.02)
+    assert panels.luminous_flux_lm < LUMINOUS_FLUX.possible[1]
+
+
 @pytest.mark.usefixtures("looked_once")
 @pytest.mark.parametrize(
     "name",
