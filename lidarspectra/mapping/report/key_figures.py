@@ -5,7 +5,7 @@ import numpy as np
 from lidarspectra.arrays import FloatArray
 from lidarspectra.mapping.figures.figure_style import irradiance_unit, prefix_of
 from lidarspectra.mapping.maps.assumptions import assumptions_of
-from lidarspectra.mapping.maps.interpolation import map_planes
+from lidarspectra.mapping.maps.interpolation import map_planes, plan_places
 from lidarspectra.mapping.maps.light_unknowns import error_bars, uncertainty_in_words
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.photometry import covers_vision, light_of_lamps, light_of_map
@@ -85,7 +85,10 @@ def _facts_of_channels(report: ReportInput) -> tuple[Fact, ...]:
 def _uniformity(values: FloatArray, report: ReportInput, *, key: str, of: str) -> Fact:
     mean = float(np.mean(values))
     share = float(np.min(values)) / mean if mean > 0 else 0.0
-    mixed = ", which differ in height or direction" if len(map_planes(report.spectral_map)) > 1 else ""
+    places = plan_places(report.spectral_map)[kept_points(report.spectral_map)]
+    rooms = np.unique(report.plan.room_of(places)).size
+    mixed = f" of {rooms} rooms together" if rooms > 1 else ""
+    mixed += ", which differ in height or direction" if len(map_planes(report.spectral_map)) > 1 else ""
     return Fact(
         name="Uniformity U0",
         value=f"{share:.2f}" if mean > 0 else "–",

@@ -24,7 +24,7 @@ from lidarspectra.mapping.figures.map_figures import (
 )
 from lidarspectra.mapping.figures.material_figures import light_figure, segmentation_figure
 from lidarspectra.mapping.maps.assumptions import assumptions_of
-from lidarspectra.mapping.maps.interpolation import grid_map, leave_one_out, map_planes
+from lidarspectra.mapping.maps.interpolation import grid_map, leave_one_out, map_planes, plan_places
 from lidarspectra.mapping.maps.light_unknowns import error_bars, uncertainty_in_words
 from lidarspectra.mapping.maps.map_schema import dark_bands, kept_points
 from lidarspectra.mapping.photometry import covers_vision, illuminance, illuminance_from_map
@@ -182,6 +182,8 @@ def illuminance_section(report: ReportInput, light: ReportLight, writer: ReportW
     drawn = planes[0] if planes else kept_points(report.spectral_map)
     lux = light.illuminance_lx[drawn]
     of = f" at the {counted(drawn.size, 'point')} of this level and direction" if len(planes) > 1 else ""
+    rooms = np.unique(report.plan.room_of(plan_places(report.spectral_map)[drawn])).size
+    of += f", {rooms} rooms together" if rooms > 1 else ""
     even = (
         f" Its uniformity U0, the minimum over the mean{of}, is {lux.min() / lux.mean():.2f}." if lux.mean() > 0 else ""
     )

@@ -14,11 +14,13 @@ from matplotlib.figure import Figure
 
 from lidarspectra.errors import ArrayError, MapError
 from lidarspectra.mapping.figures.figure_style import new_figure
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.tables import table_html
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report import report_writer
+from lidarspectra.mapping.report.key_figures import key_figures
 from lidarspectra.mapping.report.report import ReportInput, ReportView, StageRow, write_report
-from lidarspectra.mapping.report.report_sections import maps_section
+from lidarspectra.mapping.report.report_sections import illuminance_section, light_of_report, maps_section
 from lidarspectra.mapping.report.report_tables import materials_table
 from lidarspectra.mapping.report.report_writer import ReportWriter
 from lidarspectra.spectra.spectrum import Spectrum
@@ -394,3 +396,14 @@ def test_the_maps_caption_says_what_is_drawn_and_how_far_it_may_be_off(make_tran
     """Four corners span a map, but none of them lies between others, so that its error cannot be tried."""
     words = maps_section(make_report(make_transport(points=points)), ReportWriter(tmp_path))
     assert [each for each in OFF_BY.values() if each in words] == [OFF_BY[points]]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_uniformity_over_several_rooms_says_so(make_transport, make_report, tmp_path) -> None:
+    room = make_report(make_transport(points=36))
+    assert "rooms together" not in key_figures(room)
+    left, right = (np.array([[x, 0.0], [x + 1.5, 0.0], [x + 1.5, 3.0], [x, 3.0]]) for x in (0.0, 1.5))
+    two = replace(room, plan=FloorPlan(outline=left, other_outlines=(right,)))
+    assert "at 36 points of 2 rooms together" in key_figures(two)
+    section = illuminance_section(two, light_of_report(two), ReportWriter(tmp_path))
+    assert "the minimum over the mean, 2 rooms together, is 0." in section
