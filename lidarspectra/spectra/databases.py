@@ -54,7 +54,7 @@ __all__ = [
     "user_folder",
 ]
 
-FILE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".spd")  # a lamp's name with one of these is a file
+FILE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".spd", ".spdx")  # a lamp's name with one of these is a file
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,7 +95,7 @@ def lamp_spectrum(name_or_file: str | PathLike[str], base_folder: str | PathLike
     """Spectrum of a lamp, by its database name or from a file.
 
     Database names come first: built-in ones as they are ('LED-B3', 'FL11', 'A'; capitals do not matter), imported ones
-    with their database before them ('lspdd:2469'). What ends in .csv, .txt, .tsv, .dat or .spd is a file.
+    with their database before them ('lspdd:2469'). What ends in .csv, .txt, .tsv, .dat, .spd or .spdx is a file.
 
     Parameters
     ----------

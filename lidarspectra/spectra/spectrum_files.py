@@ -20,6 +20,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import DatabaseError
 from lidarspectra.io.files import write_whole
 from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.spectra.tm27_files import is_tm27, read_tm27
 
 ID_COLUMN = "id"
 WORD_COLUMNS = ("id", "name", "category")  # what every table starts with
@@ -232,7 +233,7 @@ def spectrum_text(spectrum: Spectrum) -> str:
 
 
 def read_spectrum_file(path: Path, *, black_allowed: bool = False) -> SpectrumFile:
-    """Read a user's spectrum: two columns, wavelength [nm] and value.
+    """Read a user's spectrum: two columns, wavelength [nm] and value, or an IES TM-27 file (.spdx).
 
     Delimiter (comma, semicolon, tab, spaces) and header are found out; lines that start with '#' are skipped; a
     decimal comma is understood where the delimiter is none. The value is the column after the wavelength's, before it
@@ -256,9 +257,16 @@ def read_spectrum_file(path: Path, *, black_allowed: bool = False) -> SpectrumFi
     DatabaseError
         If it is no such file; the line is named.
     """
+    text = read_text(path)
+    if is_tm27(text):
+        heading, cells_of = read_tm27(text, path)
+        where = f"{path}, SpectralData"
+        numbers = [(finite_number(nm, where=where), finite_number(value, where=where)) for nm, value in cells_of]
+        rows = [(nm, value, number) for number, (nm, value) in enumerate(numbers, start=1)]
+        return _checked(rows, heading=heading, path=path, black_allowed=black_allowed)
     lines = [
         (number, line)
-        for number, line in enumerate(read_text(path).splitlines(), start=1)
+        for number, line in enumerate(text.splitlines(), start=1)
         if line.strip() and not line.lstrip().startswith("#")
     ]
     split = _splitter(line for _, line in lines)
@@ -360,7 +368,7 @@ def _columns(header: list[str]) -> tuple[int, int]:
     for index, name in enumerate(header):
         words = name.strip().lower()
         if words.startswith(("wavelength", "lambda", "wl", "λ")) or words in ("nm", "[nm]", "(nm)"):
-            return index, index + 1 if index + 1 < len(header) else max(index - 1, 0)
+            return index, index - 1 if 0 < index == len(header) - 1 else index + 1
     return 0, 1
 
 

@@ -2,12 +2,14 @@
 
 from pathlib import Path
 
+import colour
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from lidarspectra.errors import DatabaseError
+from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.spectra.spectrum_files import TableRow, read_spectrum_file, read_table, write_table
 
@@ -74,6 +76,33 @@ def test_values_that_count_photons_are_made_power(tmp_path, heading):
 def test_other_values_are_as_they_are(tmp_path, heading):
     found = read_spectrum_file(written(tmp_path, f"wavelength,{heading}\n400,2\n800,2\n"))
     assert found.spectrum.values.tolist() == [2, 2]
+
+
+def test_a_heading_in_one_cell_does_not_make_wavelengths_of_the_values(tmp_path):
+    """They were a ramp from 400 to 700, in silence."""
+    found = read_spectrum_file(written(tmp_path, "wavelength intensity\n400,3\n550,1\n700,2\n"))
+    assert found.spectrum.values.tolist() == [3, 1, 2]
+
+
+@pytest.mark.parametrize(("quantity", "absolute"), [("flux", True), ("relative", False), ("irradiance", False)])
+def test_the_xml_of_tm_27_is_read_as_another_library_writes_it(tmp_path, quantity, absolute):
+    header = colour.io.Header_IESTM2714(description="lamp")
+    lamp = colour.SpectralDistribution_IESTM2714(str(tmp_path / "lamp.spdx"), header, spectral_quantity=quantity)
+    lamp.wavelengths, lamp.values = [400.0, 555.5, 700.0], [0.5, 1.0, 0.25]
+    assert lamp.write()
+    found = lamp_spectrum("lamp.spdx", tmp_path)
+    assert found.spectrum.wavelengths_nm.tolist() == [400, 555.5, 700]
+    assert found.spectrum.values.tolist() == [0.5, 1, 0.25]
+    assert found.absolute == absolute
+
+
+@pytest.mark.parametrize(
+    "text", ["<html></html>", "<IESTM2714><SpectralData", "<a><SpectralQuantity/><SpectralQuantity/></a>",
+             '<a><SpectralData wavelength="x">1</SpectralData></a>', '<a><SpectralData wavelength="400"/></a>']
+)  # fmt: skip
+def test_other_xml_is_refused(tmp_path, text):
+    with pytest.raises(DatabaseError, match=r"TM-27|a number|wavelengths"):
+        lamp_spectrum(str(written(tmp_path, text).rename(tmp_path / "lamp.spdx")))
 
 
 def test_lines_out_of_order_are_sorted_and_said(tmp_path):
