@@ -11,7 +11,7 @@ import csv
 import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -302,7 +302,20 @@ def read_spectrum_file(path: Path, *, black_allowed: bool = False) -> SpectrumFi
         if len(cells) <= max(x, y):
             raise DatabaseError(expected="a wavelength and a value", found=f"{len(cells)} cell(s)", where=where)
         points.append((finite_number(cells[x], where=where), finite_number(cells[y], where=where), number))
-    return _checked(points, heading=header[y] if len(header) > y else "", path=path, black_allowed=black_allowed)
+    found = _checked(points, heading=header[y] if len(header) > y else "", path=path, black_allowed=black_allowed)
+    others = [name.strip() for k, name in enumerate(header) if k > y and _is_column(k, table)]
+    if not others:
+        return found
+    note = (
+        f"Of several columns of numbers '{header[y].strip()[:40]}' was taken, not "
+        f"{', '.join(repr(name[:40]) for name in others[:3])}: delete it if another one is meant."
+    )
+    return replace(found, notes=(*found.notes, note))
+
+
+def _is_column(number: int, table: Sequence[tuple[int, list[str]]]) -> bool:
+    """Whether the cells of a column, by its number from 0, are numbers."""
+    return all(len(cells) > number and _is_number(cells[number]) for _, cells in table)
 
 
 def _checked(points: list[tuple[float, float, int]], *, heading: str, path: Path, black_allowed: bool) -> SpectrumFile:

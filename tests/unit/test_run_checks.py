@@ -368,6 +368,14 @@ def test_a_fault_that_many_lamps_have_is_one(write: Write) -> None:
     assert fault.where == "room.toml, lamps.1.spectrum, lamps.2.spectrum"
 
 
+def test_what_was_changed_in_reading_a_spectrum_is_said(write: Write) -> None:
+    """The run file's lamps had photons made power, columns chosen and lines sorted without a word."""
+    counts = "nm,photons/s/nm,other\n400,1,1\n560,2,1\n700,1,1\n"
+    own, others = ls.check(write(('spectrum = "LED-B3"', 'spectrum = "own.csv"'), own_csv=counts)).notes
+    assert "lamps.1.spectrum: The heading says that values count photons" in own
+    assert "'photons/s/nm' was taken, not 'other'" in others
+
+
 def test_a_colour_temperature_is_asked_about_since_an_led_sends_another_spectrum(write: Write) -> None:
     (note,) = ls.check(write(('spectrum = "LED-B3"', "cct_k = 4000"))).notes
     assert "lamps.1.cct_k: 4000 K stands for a thermal lamp's spectrum" in note

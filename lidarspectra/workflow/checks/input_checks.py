@@ -141,6 +141,7 @@ def _lamp(key: str, section: LampSection, bands: BandSet | None, base: Path, fin
     light = "cct_k" if section.spectrum is None else "spectrum"
     with findings.at(f"{key}.{light}"):
         _require_seen(_spectrum(section.spectrum, section.cct_k, base), bands)
+        _tell_notes(f"{key}.{light}", section.spectrum, base, findings)
     if section.cct_k is not None and section.shape != "window":
         _ask_about_color(f"{key}.cct_k", section.cct_k, findings)
     if findings.is_faulty(key):
@@ -203,6 +204,7 @@ def _check_light(inputs: Inputs, scan: Scan | None, bands: BandSet | None, findi
         findings.number("lamps_from_scan.luminous_exitance_lm_m2", found.luminous_exitance_lm_m2, plausible.EXITANCE)
         with findings.at("lamps_from_scan.spectrum" if found.spectrum is not None else "lamps_from_scan.cct_k"):
             _require_seen(_spectrum(found.spectrum, found.cct_k, inputs.base), bands)
+            _tell_notes("lamps_from_scan.spectrum", found.spectrum, inputs.base, findings)
         if found.cct_k is not None:
             _ask_about_color("lamps_from_scan.cct_k", found.cct_k, findings)
         if scan is not None and not scan.appearance.known:
@@ -244,6 +246,12 @@ def _check_calibration(run_file: RunFile, findings: Findings) -> None:
 
 def _spectrum(name: str | None, cct_k: float | None, base: Path) -> Spectrum:
     return cct_spectrum(cct_k) if cct_k is not None else lamp_spectrum(name or "", base).spectrum
+
+
+def _tell_notes(key: str, name: str | None, base: Path, findings: Findings) -> None:
+    """What was changed or chosen in reading a spectrum's file."""
+    for note in () if name is None else lamp_spectrum(name, base).notes:
+        findings.ask(key, note)
 
 
 def _require_seen(spectrum: Spectrum, bands: BandSet | None) -> None:

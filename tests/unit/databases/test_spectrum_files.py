@@ -105,6 +105,13 @@ def test_other_xml_is_refused(tmp_path, text):
         lamp_spectrum(str(written(tmp_path, text).rename(tmp_path / "lamp.spdx")))
 
 
+def test_of_several_columns_the_one_that_was_taken_is_said(tmp_path):
+    (note,) = read_spectrum_file(written(tmp_path, "nm,Lamp A,Lamp B\n400,1,2\n500,3,4\n")).notes
+    assert "'Lamp A' was taken, not 'Lamp B'" in note
+    for text in ("nm,Lamp A,remark\n400,1,x\n500,3,4\n", "index,nm,Lamp A\n1,400,1\n2,500,3\n"):
+        assert not read_spectrum_file(written(tmp_path, text)).notes
+
+
 def test_lines_out_of_order_are_sorted_and_said(tmp_path):
     found = read_spectrum_file(written(tmp_path, "410,2\n400,1\n"))
     assert found.spectrum.values.tolist() == [1, 2]
