@@ -5,7 +5,6 @@ Layouts are recognised by their files' names. A frame that cannot be used is lef
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from lidarspectra.errors import ScanError
@@ -23,6 +22,7 @@ APPS: tuple[tuple[Callable[[CaptureFiles], bool], Callable[[CaptureFiles], Captu
     (is_record3d, read_record3d),
     (is_stray, read_stray),
 )
+READABLE = tuple(each for each in FORMATS if not each.startswith(".usd"))  # in an archive: USD's library wants files
 WITH_PICTURES = (".glb", ".gltf", ".usdz")  # formats in which apps write meshes with their pictures
 LAYOUTS = "3D Scanner App's 'All data', Polycam's raw data, a recording of Record3D or of Stray Scanner"
 
@@ -74,11 +74,41 @@ def _read(files: CaptureFiles) -> Capture:
     return _checked(read(files.below(base)))
 
 
+def packed_mesh(path: Path) -> str | None:
+    """Name of the mesh in an archive that is no raw data, as apps pack an OBJ with its picture.
+
+    Parameters
+    ----------
+    path : Path
+        Of a folder or archive.
+
+    Returns
+    -------
+    name : str or None
+        Of the only mesh, or of the only one with a picture; None of folders, whose files can be given themselves.
+
+    Raises
+    ------
+    ScanError
+        If the archive is damaged.
+    """
+    if path.is_dir():
+        return None
+    files = open_capture(path)
+    try:
+        meshes = [] if _scans(files) else _meshes(files, READABLE)
+    finally:
+        files.close()
+    pictured = [mesh for mesh in meshes if _has_picture(files, mesh)]
+    (name,) = next((each for each in (meshes, pictured) if len(each) == 1), (None,))
+    return name
+
+
 def _no_scan(files: CaptureFiles) -> ScanError:
     kind = "a folder" if files.archive is None else "an archive"
-    meshes = sorted((name for name in files.names if name.lower().endswith(FORMATS)), key=partial(_plainness, files))
+    meshes = _meshes(files, FORMATS)
     todo = "Export the app's raw data, or give the mesh's file itself (GLB is best)."
-    if meshes:  # apps pack an OBJ with its picture
+    if meshes:
         what = "a mesh" if len(meshes) == 1 else f"{len(meshes)} meshes"
         todo = f"It holds {what}: {'give' if files.archive is None else 'unpack it all, and give'} {meshes[0]} itself."
     return ScanError(
@@ -89,10 +119,14 @@ def _no_scan(files: CaptureFiles) -> ScanError:
     )
 
 
-def _plainness(files: CaptureFiles, mesh: str) -> tuple[int, str]:
-    """What a mesh sorts by, those that probably have a picture first: `export.obj` of some apps has no colour."""
-    pictured = f"{mesh[: mesh.rindex('.')]}.mtl" in files.names or mesh.lower().endswith(WITH_PICTURES)
-    return 0 if pictured else 1, mesh
+def _meshes(files: CaptureFiles, formats: tuple[str, ...]) -> list[str]:
+    """Files of some formats, those that probably have a picture first: `export.obj` of some apps has no colour."""
+    found = (name for name in files.names if name.lower().endswith(formats))
+    return sorted(found, key=lambda name: (not _has_picture(files, name), name))
+
+
+def _has_picture(files: CaptureFiles, mesh: str) -> bool:
+    return f"{mesh[: mesh.rindex('.')]}.mtl" in files.names or mesh.lower().endswith(WITH_PICTURES)
 
 
 def _several_scans(files: CaptureFiles, bases: list[str]) -> ScanError:

@@ -3,7 +3,7 @@
 import logging
 from dataclasses import replace
 from os import PathLike
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Literal
 
 import numpy as np
@@ -13,7 +13,8 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.scan import Scan, ScanRecord
 from lidarspectra.geometry.triangles import triangle_areas
-from lidarspectra.hardware.phone.captures import is_capture, read_capture
+from lidarspectra.hardware.phone.capture_files import open_capture
+from lidarspectra.hardware.phone.captures import is_capture, packed_mesh, read_capture
 from lidarspectra.hardware.phone.depth_fusion import fuse_depth
 from lidarspectra.hardware.phone.frames import Capture
 from lidarspectra.hardware.phone.gltf import read_gltf
@@ -54,7 +55,8 @@ def read_scan(
     ----------
     path : str or path
         GLB or glTF, OBJ with MTL and textures, PLY with vertex colours or a texture, STL, or (extra 'usd') USDZ; or a
-        folder or zip archive of an app's raw data (3D Scanner App, Polycam), of which this takes the mesh.
+        folder or zip archive of an app's raw data (3D Scanner App, Polycam), of which this takes the mesh; or a zip
+        archive of one such file with its pictures.
     unit, up : str
         Unit and upward axis of the file's coordinates; 'auto' takes them from the format and the room's geometry.
     level : bool
@@ -107,11 +109,10 @@ def read_scan_and_frames(
     progress(0.0, f"reading {where}")
     if not path.exists():
         raise ScanError(expected="a scan file", found="nothing there", where=str(path), todo="Check the path.")
-    capture = read_capture(path) if is_capture(path) else None
+    packed = packed_mesh(path) if is_capture(path) else None
+    capture = read_capture(path) if is_capture(path) and packed is None else None
     if capture is None:
-        suffix = path.suffix.lower()
-        _check_suffix(suffix, where=where)
-        raw = _read_raw(path, suffix)
+        raw = _read_packed(path, packed) if packed is not None else _read_raw(path)
     else:
         try:
             raw = _captured_mesh(capture, part_of(progress, 0.0, 0.6))
@@ -157,7 +158,9 @@ def _check_suffix(suffix: str, *, where: str) -> None:
     raise ScanError(expected=f"one of {', '.join(FORMATS)}", found=found, where=where, todo=todo)
 
 
-def _read_raw(path: Path, suffix: str) -> RawMesh:
+def _read_raw(path: Path) -> RawMesh:
+    suffix = path.suffix.lower()
+    _check_suffix(suffix, where=path.name)
     if suffix.startswith(".usd"):
         return _read_usd(path)
     data = read_bytes(path)
@@ -168,7 +171,22 @@ def _read_raw(path: Path, suffix: str) -> RawMesh:
             where=path.name,
             todo="Unpack it and give the mesh file in it.",
         )
-    folder = FileFolder(root=path.parent, where=path.name)
+    return _parsed(data, suffix, FileFolder(root=path.parent, where=path.name))
+
+
+def _read_packed(path: Path, name: str) -> RawMesh:
+    """A mesh in an archive, with the files beside it there."""
+    above, _, own = name.rpartition("/")
+    files = open_capture(path)
+    try:
+        inside = files.below(f"{above}/" if above else "")
+        raw = _parsed(inside.read_whole(own), PurePosixPath(own).suffix.lower(), inside.beside(own))
+    finally:
+        files.close()
+    return replace(raw, notes=(f"The archive has no raw data of an app: its mesh was read, {name}.", *raw.notes))
+
+
+def _parsed(data: bytes, suffix: str, folder: FileFolder) -> RawMesh:
     if suffix in (".glb", ".gltf"):
         return read_gltf(data, folder=folder)
     if suffix == ".obj":

@@ -429,9 +429,9 @@ def test_a_scan_that_cannot_be_read_leaves_a_run_file_too_but_never_in_place_of_
 
 def test_what_is_no_mesh_leaves_no_run_file_that_would_stand_in_the_way(tmp_path) -> None:
     with zipfile.ZipFile(tmp_path / "room.zip", "w") as archive:
-        for name in ("__MACOSX/._room.obj", "export/room.mtl", "export/room.obj"):
+        for name in ("__MACOSX/._room.usdz", "export/room.txt", "export/room.usdz"):
             archive.writestr(name, "")
-    with pytest.raises(ScanError, match=r"It holds a mesh: unpack it all, and give export/room\.obj itself"):
+    with pytest.raises(ScanError, match=r"It holds a mesh: unpack it all, and give export/room\.usdz itself"):
         write_init(tmp_path / "room.zip", tmp_path / "room.toml")
     (tmp_path / "room.png").write_bytes(b"\x89PNG")
     with pytest.raises(ScanError, match=r"one of \.glb"):

@@ -370,11 +370,31 @@ def test_of_the_meshes_of_3d_scanner_app_the_textured_one_is_taken(copied: Path)
     assert any("export.obj was taken" in note and "picture" in note for note in scan.record.notes)
 
 
-def test_of_the_meshes_in_an_archive_without_frames_one_with_a_picture_is_named(tmp_path: Path) -> None:
+OBJ_OF_BOX = [f"v {x} {y} {z}" for x, y, z in box_room().vertices.tolist()] + ["vt 0.5 0.5", "usemtl m"]
+OBJ_OF_BOX += [f"f {a + 1}/1 {b + 1}/1 {c + 1}/1" for a, b, c in box_room().faces.tolist()]
+
+
+@pytest.mark.parametrize("above", ["", "My scan/"])
+@pytest.mark.parametrize("others", [(), ("export.obj", "info.json")])
+def test_an_obj_is_read_with_its_picture_in_the_archive_that_apps_pack_it_in(tmp_path: Path, above, others) -> None:
+    files = {"room 1.obj": "\n".join(["mtllib room 1.mtl", *OBJ_OF_BOX]), "room 1.mtl": "newmtl m\nmap_Kd t.jpg\n"}
+    files |= dict.fromkeys(others, "v 0 0 0")
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
-        for name in ("export.obj", "textured_output.jpg", "textured_output.mtl", "textured_output.obj"):
+        for name, content in files.items():
+            archive.writestr(above + name, content)
+        archive.writestr(f"{above}t.jpg", jpeg(np.full((8, 8, 3), 188, dtype=np.uint8)))
+        archive.writestr("__MACOSX/._room 1.obj", "x")
+    scan = read_scan(tmp_path / "a.zip")
+    assert np.allclose(scan.bounds[1] - scan.bounds[0], (4.0, 3.0, 2.6), atol=1e-6)
+    assert scan.face_colors() == pytest.approx(0.5, abs=0.02)
+    assert any(f"its mesh was read, {above}room 1.obj" in note for note in scan.record.notes)
+
+
+def test_of_several_meshes_in_an_archive_none_is_guessed(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        for name in ("a.obj", "b.mtl", "b.obj", "c.mtl", "c.obj"):
             archive.writestr(name, "")
-    with pytest.raises(ScanError, match=r"2 meshes: unpack it all, and give textured_output\.obj itself"):
+    with pytest.raises(ScanError, match=r"3 meshes: unpack it all, and give b\.obj itself"):
         read_scan(tmp_path / "a.zip")
 
 
