@@ -44,7 +44,8 @@ class ScanSection(Section):
     """Height of the main ceiling, z in the scan's axes; None finds it. [m]"""
     close_holes: bool = True
     close_ceiling: bool = True
-    """Close a ceiling that was not scanned at the height where the walls end, with the typical reflectance of one."""
+    """Close a ceiling that was not scanned at the height where the walls end, with the typical reflectance of one; and
+    what is open of one that was scanned in part."""
     close_floor: bool = True
     """The same for a floor."""
     close: bool = False

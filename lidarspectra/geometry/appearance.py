@@ -14,6 +14,7 @@ NEUTRAL_COLOR = 0.735  # sRGB-encoded; linear 0.5, of faces without colour
 PHOTOGRAPHED, DRAWN, NO_COLOR = 0, 1, 2  # where a face's colour is from: see `Appearance.color_source`
 MAX_PHOTOGRAPHED = 0.2  # share of the faces of a model of a room whose colour is a photograph's
 CLOSED_KINDS = ("closed ceiling", "closed floor", "closed side")  # kinds of parts that close a room; no file has them
+CLOSED_CEILING_SHARE = 0.8  # [1] of the plan: what is open of a ceiling of which less was scanned is closed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

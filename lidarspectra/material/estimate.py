@@ -21,6 +21,7 @@ from scipy.sparse import csr_array
 from lidarspectra.arguments import instance_of, one_of, path_of
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.errors import DatabaseError, MaterialError
+from lidarspectra.geometry.appearance import CLOSED_KINDS
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.assignments import database_material
 from lidarspectra.material.colors import color_words, mean_color, primary_colors, saturated, surface_colors
@@ -42,6 +43,7 @@ from lidarspectra.material.unseen_faces import unseen_faces
 from lidarspectra.material.views.views import ViewSet
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.room.room import Room
+from lidarspectra.room.room_planes import LEVEL_COSINE, LEVEL_HALF_WIDTH_M, SHOWN_M2
 from lidarspectra.spectra.colorimetry import linear_srgb_to_lab, linear_srgb_to_xyz
 from lidarspectra.spectra.databases import load_reflectances
 from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
@@ -178,6 +180,7 @@ def estimate_from_votes(
         _material(group, names[group], shown, label, scan.areas, views.face_seen, library, matching)
         for group in range(count)
     ]
+    label = _with_rest_of_ceiling(scan, label)
     typical, kind = typical_materials(scan.appearance, label < 0)
     materials += typical
     label = np.where(kind >= 0, count + kind, label)
@@ -188,6 +191,20 @@ def estimate_from_votes(
     materials = _distinct_names(materials)
     progress(1.0, counted(len(materials), "material"))
     return MaterialMap(materials=tuple(materials), face_material=label, face_color=shown, face_seen=views.face_seen)
+
+
+def _with_rest_of_ceiling(scan: Scan, label: IntArray) -> IntArray:
+    """(face,) groups, -1 for none, where what closes a ceiling is of what was scanned of it, if anything."""
+    closing = scan.appearance.of_kind(CLOSED_KINDS[0]) & (label < 0)
+    if not closing.any():
+        return label
+    height = float(np.median(scan.centers[closing, 2]))
+    ceiling = (label >= 0) & (scan.normals[:, 2] < -LEVEL_COSINE)
+    ceiling &= np.abs(scan.centers[:, 2] - height) < LEVEL_HALF_WIDTH_M
+    areas = np.bincount(label[ceiling], weights=scan.areas[ceiling])
+    if areas.sum() < SHOWN_M2:
+        return label
+    return np.where(closing, int(areas.argmax()), label)
 
 
 def one_material(

@@ -2,7 +2,8 @@
 
 Around the room found in the scan a shell is thought: its outline, drawn a little outwards, from floor to ceiling. Rays
 from the room's free space that leave the scan meet the shell somewhere; those parts of it are what is missing. A
-missing ceiling or floor is a whole plate of the shell, at the height where the walls end.
+missing ceiling or floor is a whole plate of the shell, at the height where the walls end; a ceiling that was scanned in
+part goes on at its height.
 """
 
 import itertools
@@ -13,13 +14,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from lidarspectra.geometry.appearance import CLOSED_KINDS, NEUTRAL_COLOR, NO_COLOR, Appearance
+from lidarspectra.geometry.appearance import CLOSED_CEILING_SHARE, CLOSED_KINDS, NEUTRAL_COLOR, NO_COLOR, Appearance
 from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.geometry.textures import subdivision_barycentrics
 from lidarspectra.room.free_space import FreeSpace, sphere_directions
 from lidarspectra.room.plan_cells import PlanMask, outlines
 from lidarspectra.room.room import Room
+from lidarspectra.room.room_planes import face_geometry
 
 CEILING, FLOOR, SIDE = range(3)  # places in `CLOSED_KINDS`
 PIXEL_M = 0.05  # [m] of the plan that the shell stands around
@@ -27,6 +29,11 @@ CELL_M = 0.25  # [m] of the shell: what is kept of it follows an opening to with
 BEYOND_M = 0.12  # [m] the shell lies so far outside the outline and the scanned ceiling: behind uneven walls
 OVERLAP_M = 0.2  # [m] a plate goes so far beyond the outline, so that no slit is left at a wall
 BRIDGED_M = 0.4  # [m] rooms no farther apart have one shell: what is between them is a wall
+BELOW_CEILING_M = 0.5  # [m] from so far below a ceiling's height upwards, whatever was scanned closes the room
+CLEAR_M = 0.02  # [m] before a plate, from where the room's free points are looked for
+SEERS, MIN_SEERS = 24, 3  # such points, the nearest in plan; that see a place at least: fewer look through cracks
+MIN_OPEN_M2 = 0.5  # [m²] of a ceiling; less is cracks
+ABOVE_M, ABOVE_SHARE = 0.3, 0.05  # [m], [1] of upright area so far above a ceiling, from which the room goes on there
 WALL_M = 0.1  # [m] places in the plan that far from its outline are in the air before its walls
 WATCHED_FROM_M = (0.05, 0.25, 1.0)  # [m] such places, so far apart, that a plate's rim is looked at from
 WATCHERS = 8  # of each kind, the nearest
@@ -193,7 +200,8 @@ def close_room(
     room : Room
         In it.
     ceiling, floor : bool
-        Close a ceiling, or a floor, of which the scan shows nothing, at the height where the walls end.
+        Close a ceiling, or a floor, of which the scan shows nothing, at the height where the walls end; and what is
+        open of a ceiling of which it shows less than `CLOSED_CEILING_SHARE`, at its height.
     sides : bool
         Close all that is open as the room's free space sees it: sides, ends, and parts of ceiling and floor.
 
@@ -209,6 +217,8 @@ def close_room(
     closed = scan
     if ceiling and room.ceiling_confidence == 0.0:
         closed = _with_squares(closed, _seen_plate(scan, room, plan, room.ceiling_z, CEILING))
+    elif ceiling and room.ceiling_confidence < CLOSED_CEILING_SHARE and not _goes_on_above(scan, room):
+        closed = _with_squares(closed, _rest_of_ceiling(scan, room, plan, points))
     if floor and room.floor_confidence == 0.0:
         closed = _with_squares(closed, _seen_plate(scan, room, plan, room.floor_z, FLOOR))
     shell = _shell(plan, room)
@@ -229,6 +239,14 @@ def close_room(
         closed_floor_m2=_area_in_plan(closed, room, FLOOR),
         closed_side_m2=sides_m2,
     )
+
+
+def _goes_on_above(scan: Scan, room: Room) -> bool:
+    """Whether walls reach above what was scanned of a ceiling: a gallery's underside, in a room that is higher."""
+    faces = face_geometry(scan)
+    upright = faces.standing
+    above = float(upright.areas[upright.bottoms > room.ceiling_z + ABOVE_M].sum())
+    return above > ABOVE_SHARE * float(upright.areas.sum())
 
 
 def _area_in_plan(scan: Scan, room: Room, kind: int) -> float:
@@ -292,15 +310,8 @@ def _level_squares(chosen: BoolArray, side_m: float, corner: FloatArray, z: floa
 
 
 def _seen_plate(scan: Scan, room: Room, plan: PlanMask, z: float, kind: int) -> _Shell:
-    """A plate as far as the rooms see it: what reaches behind their walls would count as area of its material.
-
-    Over the rooms it is made of a plate's squares, around them of pixels.
-    """
-    grown = cv2.dilate(plan.inside.astype(np.uint8), _disc(2 * OVERLAP_M)).astype(bool)
-    block = round(CELL_M / PIXEL_M)
-    grown = np.pad(grown, [(0, -length % block) for length in grown.shape])
-    row, column = np.indices(grown.shape)
-    middles = plan.origin + PIXEL_M * np.stack([column, row], axis=2)
+    """A plate as far as the rooms see it: what reaches behind their walls would count as area of its material."""
+    grown, middles = _pixels(plan)
     inside = grown & room.in_plan(middles.reshape(-1, 2)).reshape(grown.shape)
     before_walls = cv2.erode(inside.astype(np.uint8), _disc(2 * WALL_M)).astype(bool)
     seen = inside.copy()
@@ -308,8 +319,32 @@ def _seen_plate(scan: Scan, room: Room, plan: PlanMask, z: float, kind: int) -> 
         some = (slice(None, None, round(apart_m / PIXEL_M)),) * 2
         hidden = grown & ~seen
         seen[hidden] = _seen_from(scan, middles[hidden], middles[some][before_walls[some]], z, upwards=kind == CEILING)
+    return _plate_of_pixels(seen, grown, plan, z, kind)
+
+
+def _rest_of_ceiling(scan: Scan, room: Room, plan: PlanMask, points: FloatArray) -> _Shell:
+    """What is open of a ceiling that was scanned in part, as the room's free points see it."""
+    grown, middles = _pixels(plan)
+    seen = np.zeros_like(grown)
+    seen[grown] = _open_above(scan, points, middles[grown], room.ceiling_z)
+    seen &= seen.sum() * PIXEL_M**2 >= MIN_OPEN_M2
+    return _plate_of_pixels(seen, grown, plan, room.ceiling_z, CEILING)
+
+
+def _pixels(plan: PlanMask) -> tuple[BoolArray, FloatArray]:
+    """(row, column) pixels over the plan and a little beyond it, and the middle of each [m]."""
+    grown = cv2.dilate(plan.inside.astype(np.uint8), _disc(2 * OVERLAP_M)).astype(bool)
+    block = round(CELL_M / PIXEL_M)
+    grown = np.pad(grown, [(0, -length % block) for length in grown.shape])
+    row, column = np.indices(grown.shape)
+    return grown, plan.origin + PIXEL_M * np.stack([column, row], axis=2)
+
+
+def _plate_of_pixels(seen: BoolArray, grown: BoolArray, plan: PlanMask, z: float, kind: int) -> _Shell:
+    """Level squares where pixels are seen: a plate's where all within are, else pixels."""
     # Of a pixel that a wall goes through the middle may be hidden: one more is kept around all that is seen.
     kept = grown & cv2.dilate(seen.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+    block = round(CELL_M / PIXEL_M)
     rows, columns = (length // block for length in kept.shape)
     whole = kept.reshape(rows, block, columns, block).all(axis=(1, 3))
     single = kept & ~whole.repeat(block, axis=0).repeat(block, axis=1)
@@ -318,6 +353,21 @@ def _seen_plate(scan: Scan, room: Room, plan: PlanMask, z: float, kind: int) -> 
     return _Shell(
         corners=np.concatenate([part.corners for part in parts]), kind=np.concatenate([part.kind for part in parts])
     )
+
+
+def _open_above(scan: Scan, points: FloatArray, places: FloatArray, z: float) -> BoolArray:
+    """Which of (place, 2) places free points see at a ceiling's height [m], with nothing scanned above them."""
+    starts = np.column_stack([places, np.full(len(places), z)])
+    caster = caster_of(scan)
+    found = ~caster.blocked(starts - [0.0, 0.0, BELOW_CEILING_M], (0.0, 0.0, 1.0))
+    chosen = starts[found]
+    if len(chosen) and len(points):
+        nearest = cKDTree(points[:, :2]).query(chosen[:, :2], k=np.arange(1, min(SEERS, len(points)) + 1))[1]
+        ways = points[nearest] - chosen[:, None]
+        begins = np.repeat(chosen - [0.0, 0.0, CLEAR_M], nearest.shape[1], axis=0)
+        blocked = caster.blocked(begins, ways.reshape(-1, 3), max_distance=1.0)
+        found[found] = (~blocked).reshape(nearest.shape).sum(axis=1) >= MIN_SEERS
+    return found
 
 
 def _seen_from(scan: Scan, middles: FloatArray, watchers: FloatArray, z: float, *, upwards: bool) -> BoolArray:

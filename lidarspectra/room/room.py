@@ -45,6 +45,7 @@ BELOW_FLOOR_SHARE = 0.15  # share of upright area below a level surface, from wh
 BEYOND_SCAN_M = 3.0  # [m] a floor or ceiling that was not scanned is no farther below or above the scan than this
 HIDING_SHARE = 0.8  # of the room's plan: a level surface as large is no table and no shelf, but floor or ceiling
 SHELF_SHARE = 0.25  # of the box around the walls; a smaller level surface overhead may be a shelf or a cabinet's
+GALLERY_SHARE, ABOVE_GALLERY_SHARE = 0.6, 0.3  # of that box, and of upright area above it: the room is higher there
 SCRAP_SHARE = 0.05  # of that box; less of a floor or ceiling is a part of furniture, and the scan shows none
 STOREY_SHARE = 0.6  # of the room's ceiling or floor, that the ceiling below another storey has, and that one's floor
 TABLE_M = (0.3, 1.5)  # [m] height of such a surface above where the walls end
@@ -424,7 +425,10 @@ def _floor_or_bottom_of_walls(floor: Level | None, faces: FaceGeometry) -> Level
 
 
 def _without_shelves(ceilings: tuple[Level, ...], faces: FaceGeometry) -> tuple[Level, ...]:
-    """The ceilings; none where the main one is a scrap, or a small part of the plan that the walls reach far above."""
+    """The ceilings; none where the main one is a scrap, or a part of the plan that the walls reach far above.
+
+    A shelf, or a gallery's underside in a hall whose own ceiling is beyond the phone's reach.
+    """
     upright = faces.standing
     if not ceilings or upright.areas.sum() < MIN_WALLS_M2:
         return ceilings
@@ -432,7 +436,9 @@ def _without_shelves(ceilings: tuple[Level, ...], faces: FaceGeometry) -> tuple[
     share = main.area_m2 / _plan_box_m2(upright)
     above = float(upright.areas[upright.bottoms > main.z].sum() / upright.areas.sum())
     is_shelf = share < SHELF_SHARE and above > BELOW_FLOOR_SHARE
-    return () if share < SCRAP_SHARE or is_shelf else ceilings
+    is_highest = all(ceiling.z <= main.z for ceiling in ceilings)
+    is_gallery = is_highest and share < GALLERY_SHARE and above > ABOVE_GALLERY_SHARE
+    return () if share < SCRAP_SHARE or is_shelf or is_gallery else ceilings
 
 
 def _storey_above(ceilings: tuple[Level, ...], levels: tuple[Level, ...], floor: Level) -> float:

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+from lidarspectra.geometry.appearance import CLOSED_CEILING_SHARE
 from lidarspectra.geometry.scan import Scan, ScanRecord, with_record
 from lidarspectra.material.pane_materials import REFLECTANCE
 from lidarspectra.material.part_materials import typical_in_words
@@ -66,7 +67,7 @@ def whole_room(
     scan : Scan
         Repaired.
     close_ceiling, close_floor : bool
-        Close a ceiling, or a floor, that was not scanned.
+        Close a ceiling, or a floor, that was not scanned, and what is open of a ceiling that was scanned in part.
     close : bool
         Close all that is open.
     floor_z, ceiling_z : float or None
@@ -131,6 +132,9 @@ def closing_lines(record: ScanRecord, room: Room) -> Iterator[str]:
     """Lines of a run file on what a scan lacks, below `[scan]`."""
     if room.ceiling_confidence == 0.0:
         yield f"close_ceiling = true  # none scanned: closed at z = {room.ceiling_z:.2f} m; false if there is none"
+    elif room.ceiling_confidence < CLOSED_CEILING_SHARE:
+        share = _percent(room.ceiling_confidence)
+        yield f"close_ceiling = true  # {share} scanned: what is open is closed; false if the room is open there"
     if room.floor_confidence == 0.0:
         yield f"close_floor = true  # none scanned: closed at z = {room.floor_z:.2f} m; false if there is none"
     if record.open_share >= WORTH_SAYING:
@@ -149,6 +153,13 @@ def _closing_notes(room: Room, openness: Openness, *, floor_given: bool, ceiling
             f"The scan shows {none}. It was closed {height}, {room.height_m:.2f} m above the floor, with the typical "
             f"reflectance of a ceiling ({typical_in_words('closed ceiling')}). Write "
             "close_ceiling = false under [scan] if there is none."
+        )
+    if openness.closed_ceiling_m2 and 0.0 < room.ceiling_confidence < CLOSED_CEILING_SHARE:
+        yield (
+            f"The scan shows {_percent(room.ceiling_confidence)} of the ceiling. What is open of it, "
+            f"{openness.closed_ceiling_m2:.1f} m², was closed at the same height, and has the material of what was "
+            "scanned of it. Write close_ceiling = false under [scan] if the room is open there, or scan the rest: its "
+            "lamps are not found."
         )
     if openness.closed_floor_m2 and room.floor_confidence == 0.0:
         none, height = (

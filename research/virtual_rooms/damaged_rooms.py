@@ -201,6 +201,18 @@ def without(*sides: str) -> Damage:
     return damage
 
 
+def half_a_ceiling(mesh: Mesh, random: np.random.Generator) -> Mesh:
+    """The ceiling with its lamp in the west alone."""
+    overhead = mesh.centers[:, 2] > mesh.vertices[:, 2].max() - EDGE_M
+    return mesh.some(~(overhead & (mesh.centers[:, 0] > 2.2)))
+
+
+def ceiling_around_a_lamp(mesh: Mesh, random: np.random.Generator) -> Mesh:
+    """Of the ceiling a square of 1.4 m around a lamp, as somebody scans who looks up at it once."""
+    overhead = mesh.centers[:, 2] > mesh.vertices[:, 2].max() - EDGE_M
+    return mesh.some(~(overhead & (np.abs(mesh.centers[:, :2] - LAMPS_M[0]).max(axis=1) > 0.7)))
+
+
 def mirrored_at_wall(opening_m: float) -> Damage:
     """A ghost of the room behind its east wall, which has an opening so wide and high: a mirror, or a window."""
 

@@ -50,7 +50,7 @@ def run_file(lamps: list[Any], **tables: Any) -> RunFile:
     return RunFile.model_validate({"scan": SCAN, "lamps": rows, **tables})
 
 
-def record(unit_confidence: float = 1.0, up_confidence: float = 1.0) -> ScanRecord:
+def record(unit_confidence: float = 1.0, up_confidence: float = 1.0, closed_m2: float = 0.0) -> ScanRecord:
     return ScanRecord(
         file="room.glb",
         unit="cm",
@@ -59,6 +59,7 @@ def record(unit_confidence: float = 1.0, up_confidence: float = 1.0) -> ScanReco
         up_confidence=up_confidence,
         faces_read=12,
         faces_kept=12,
+        closed_area_m2=closed_m2,
     )
 
 
@@ -137,6 +138,14 @@ def test_unit_axis_ceiling_and_panes_are_assumed_where_nobody_is_sure(
         {"scan": SCAN | {"assumed": list(marked)}, "panes": panes, "lamps_from_scan": {"cct_k": 3000}}
     )
     assert assumed_of_scan(table, record(*sure), room(ceiling)) == expected
+
+
+@pytest.mark.parametrize(
+    ("ceiling", "closed_m2", "is_assumed"), [(0.7, 0.0, False), (0.7, 5.0, True), (0.9, 5.0, False)]
+)
+def test_a_ceiling_of_which_a_part_was_closed_is_assumed(ceiling: float, closed_m2: float, is_assumed: bool) -> None:
+    assumed = assumed_of_scan(run_file([]), record(closed_m2=closed_m2), room(ceiling))
+    assert assumed == (("ceiling",) if is_assumed else ())
 
 
 def test_a_guessed_unit_is_a_note_of_the_scan() -> None:

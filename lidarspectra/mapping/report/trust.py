@@ -135,7 +135,11 @@ def _surface_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRo
             known="assumed" if is_guess else "measured",
             how=f"{_percent(share)} of the plan was scanned",
             effect="light that it reflects"
-            + (": that of a typical one where it was closed, none where it was left open" if is_guess else ""),
+            + (
+                ": as what was scanned of it or a typical one where it was closed, none where it is open"
+                if is_guess
+                else ""
+            ),
         )
     if report.scan.closed_area_m2 > 0:
         yield TrustRow(

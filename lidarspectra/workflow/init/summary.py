@@ -15,7 +15,7 @@ from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.room import Room
 from lidarspectra.words import counted
 from lidarspectra.workflow.init.proposed_lamps import ProposedPanels
-from lidarspectra.workflow.run_folder.assumed import CEILING_SHARE, uncertain_of_scan
+from lidarspectra.workflow.run_folder.assumed import uncertain_of_scan
 from lidarspectra.workflow.run_folder.panes_of_run import panes_in_words
 
 LIT_CEILING_M2 = 0.3  # [m²] of ceiling that is far brighter than the rest, from which on it is told
@@ -168,11 +168,6 @@ class InitSummary:
             )
         if "unit" in self.assumed_of_scan:
             yield f"By unit the room is: {'; '.join(self._sizes())}."
-        if 0.0 < self.room.ceiling_confidence < CEILING_SHARE:  # a note says that a ceiling was closed
-            yield (
-                "Most of the ceiling is missing in the scan: light that it would reflect is lost, so that the map is "
-                "too dark. Scan the ceiling too, if you can."
-            )
         if 0.0 < self.room.floor_confidence < FLOOR_SHARE:
             yield "Little of the floor is in the scan, so that the room's outline may be wrong: check its size above."
         if self.panes:

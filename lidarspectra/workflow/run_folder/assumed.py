@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarspectra.config import RunFile, ScanSection
+from lidarspectra.geometry.appearance import CLOSED_CEILING_SHARE
 from lidarspectra.geometry.scan import ScanRecord
 from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2
 from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of, counted_lamps, named_lamps
@@ -21,6 +22,7 @@ LAMP_TODO = (
     "fluxes too ('lidarspectra calibrate')."
 )
 CEILING_SHARE = 0.5  # [1] of the plan: a ceiling of which less was scanned counts as assumed
+CLOSED_M2 = 1.0  # [m²] from which one of which more was scanned counts so, too, since the rest was closed
 
 
 def assumed_lamps(run_file: RunFile, names: Sequence[str]) -> Assumptions:
@@ -71,9 +73,14 @@ def assumed_of_scan(run_file: RunFile, record: ScanRecord, room: "Room") -> tupl
     return (
         *(name for name in ("unit", "up") if name in guesses),
         *(("floor",) if room.floor_confidence == 0.0 else ()),
-        *(("ceiling",) if room.ceiling_confidence < CEILING_SHARE else ()),
+        *(("ceiling",) if _is_assumed_ceiling(record, room) else ()),
         *(("panes",) if any(pane.assumed for pane in run_file.panes) else ()),
     )
+
+
+def _is_assumed_ceiling(record: ScanRecord, room: "Room") -> bool:
+    in_part = room.ceiling_confidence < CLOSED_CEILING_SHARE and record.closed_area_m2 >= CLOSED_M2
+    return room.ceiling_confidence < CEILING_SHARE or in_part
 
 
 def scan_notes(section: ScanSection) -> tuple[str, ...]:

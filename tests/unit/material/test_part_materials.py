@@ -15,6 +15,7 @@ from lidarspectra.material.segmentation.place_priors import KINDS, PRIORS
 from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL, Classifier
 from lidarspectra.material.views.views import ViewSet
 from lidarspectra.room.room import find_room
+from lidarspectra.spectra.colorimetry import encode_srgb
 from lidarspectra.workflow.materials.delighting import Delighting, take_light_out
 from lidarspectra.workflow.materials.light_uncertainty import LEFT_IN_DEVIATION, with_light_uncertainty
 
@@ -66,6 +67,26 @@ def test_a_drawn_wall_gets_the_typical_reflectance_and_a_photographed_one_its_ow
     unseen = replace(found, face_seen=np.zeros(len(box.faces))).warnings(box.areas)
     pictured = f"{100 * box.areas[~half].sum() / box.areas.sum():.1f} %"
     assert any(f"{pictured} of the area was seen by no view" in words for words in unseen), "names need no view"
+
+
+@pytest.mark.parametrize("scanned_share", [0.5, 0.0])
+def test_what_closes_a_ceiling_is_of_what_was_scanned_of_it(scanned_share) -> None:
+    """A dark ceiling goes on as a dark one; where nothing was scanned of it, as a typical one."""
+    cube, part = box_scan(6)
+    scan = replace(cube, vertices=3.0 * cube.vertices)
+    ceiling = part == 1
+    closed = ceiling & (scan.centers[:, 0] > 3.0 * scanned_share)
+    color = np.full((len(scan.faces), 3, 3), encode_srgb(0.7))
+    color[ceiling] = encode_srgb(0.3)
+    scan = replace(scan, appearance=replace(scan.appearance, corner_color=color))
+    scan = named(scan, kind="closed ceiling", source=NO_COLOR, faces=closed)
+    found = estimate_materials(scan, no_views(scan), model=None)
+    numbers = np.unique(found.face_material[closed])
+    assert numbers.size == 1
+    material = found.materials[int(numbers[0])]
+    expected = 0.3 if scanned_share else TYPICAL["closed ceiling"].reflectance
+    assert material.reflectance.at([555.0], outside="nearest") == pytest.approx(expected, abs=0.03)
+    assert (material.source == "typical:closed ceiling") == (scanned_share == 0.0)
 
 
 def test_without_names_the_drawn_colour_counts(box) -> None:

@@ -8,6 +8,7 @@ import pytest
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.appearance import NO_COLOR
 from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.room.closing import close_room
@@ -52,6 +53,54 @@ def test_a_missing_ceiling_and_floor_are_closed_where_the_walls_end(builder, lea
     up = closed.normals[added, 2]
     floor = closed.appearance.of_kind("closed floor")[added]
     assert (np.where(floor, up, -up) > 0.99).all(), "what closes a room looks into it"
+
+
+@pytest.mark.parametrize("west_share", [0.12, 0.45, 0.72])
+def test_a_ceiling_that_was_scanned_in_part_goes_on_at_its_height(builder, west_share) -> None:
+    """Most people scan a lamp and what is around it; the map was a tenth too dark, and a third at the worst place."""
+    scan = office(builder, holes={"top": (-0.1, 1.1, west_share, 1.1)})
+    closed, room, openness, _ = whole_room(scan, close_ceiling=True, close_floor=True, close=False)
+    assert room.ceiling_confidence == pytest.approx(west_share, abs=0.06)
+    assert lost_from(scan, MIDDLE) > 0.03
+    assert lost_from(closed, MIDDLE) < 0.005
+    assert openness.closed_ceiling_m2 == pytest.approx(18.0 * (1.0 - west_share), rel=0.1)
+    added = np.arange(len(scan.faces), len(closed.faces))
+    assert closed.centers[added, 2] == pytest.approx(2.5, abs=0.06)
+    inside = (np.abs(closed.centers[added, :2] - [3.0, 1.5]) < [2.9, 1.4]).all(axis=1)
+    over_scanned = closed.centers[added, 0] < 6.0 * west_share - 0.3
+    assert closed.areas[added][inside & over_scanned].sum() < 0.1, "what was scanned keeps its own material"
+    (note,) = (each for each in closed.record.notes if "of the ceiling" in each)
+    assert "close_ceiling = false" in note
+    (line,) = (each for each in closing_lines(closed.record, room) if each.startswith("close_ceiling"))
+    assert "what is open is closed" in line
+    left = whole_room(scan, close_ceiling=False, close_floor=True, close=False)
+    assert len(left.scan.faces) == len(scan.faces)
+
+
+def hall_with_gallery(builder, wide_m: float) -> Scan:
+    """6 m x 4 m x 5 m, the ceiling beyond the phone's reach: a gallery's underside is all that was scanned of one."""
+    hall = builder(step_m=0.1, noise_m=0.004)
+    hall.box([0, 0, 0], [6, 4, 5.0], inward=True, leave_out=("top",))
+    hall.box([0.05, 0.05, 2.5], [wide_m, 3.95, 2.7])
+    return hall.scan()
+
+
+@pytest.mark.parametrize("wide_m", [2.2, 3.2])
+def test_a_gallery_is_not_the_ceiling_of_its_hall(builder, wide_m) -> None:
+    """The hall was half as high, and its lamps hung in its middle."""
+    closed, room, openness, _ = whole_room(hall_with_gallery(builder, wide_m), **(ALL | {"close": False}))
+    assert room.height_m == pytest.approx(5.0, abs=0.05)
+    assert openness.closed_ceiling_m2 == pytest.approx(24.0, rel=0.03)
+    assert any("2.70 m above the floor, lies in the room" in note for note in closed.record.notes)
+
+
+def test_a_ceiling_above_which_the_walls_go_on_does_not_go_on_itself(builder) -> None:
+    scan = hall_with_gallery(builder, 4.5)
+    room = find_room(scan)
+    assert room.ceiling_confidence == pytest.approx(0.73, abs=0.03)
+    closed, openness = close_room(scan, room)
+    assert openness.closed_ceiling_m2 == 0.0
+    assert len(closed.faces) == len(scan.faces)
 
 
 @pytest.mark.parametrize("leave_out", [("bottom",), ("top", "bottom")])
