@@ -435,6 +435,20 @@ def test_candela_that_contradict_the_lamps_lumens_are_asked_about(write: Write, 
     assert any("lamps.2.file: its candela are" in note for note in found.notes) == asked, found.notes
 
 
+@pytest.mark.parametrize(("height_m", "is_lower_scan"), [(2.9, True), (9.0, False)])
+def test_lamps_above_a_scan_may_hang_right_and_the_scan_be_too_low(
+    write: Write, height_m: float, is_lower_scan: bool
+) -> None:
+    """Whoever measured a lamp's height was told to correct it, and hung it into the room's middle."""
+    run_file = write()
+    text = run_file.read_text(encoding="utf-8")
+    center = next(line for line in text.splitlines() if line.startswith("center"))
+    run_file.write_text(text.replace(center, f"center = [1.2, 1.0, {height_m}]"), encoding="utf-8")
+    (fault,) = ls.check(run_file).faults
+    assert "within the scan" in str(fault)
+    assert (f"ceiling = {height_m + 0.1:.2f}" in str(fault)) == is_lower_scan
+
+
 def test_a_point_just_outside_is_asked_about(write: Write) -> None:
     run_file = write(*points_file("points.csv"), points_csv="x,y,z\n1,1,0.5\n2.6,1,0.5\n")
     (note,) = ls.check(run_file).notes

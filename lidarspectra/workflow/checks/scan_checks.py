@@ -14,7 +14,7 @@ import numpy as np
 from lidarspectra.arrays import FloatArray
 from lidarspectra.config import GridSection, LampSection, RunFile, Vector, WindowSection
 from lidarspectra.geometry.scan import load_bounds
-from lidarspectra.room.room import Room, check_height, load_room
+from lidarspectra.room.room import BEYOND_SCAN_M, Room, check_height, load_room
 from lidarspectra.room.sensor_grid import MIN_SPACING_M
 from lidarspectra.room.sensor_points import read_points
 from lidarspectra.workflow.checks.findings import Findings, listed, number_words
@@ -22,6 +22,7 @@ from lidarspectra.workflow.checks.plausible_numbers import GRID_POINTS
 
 OUTSIDE_M = 0.05  # [m] tolerance beyond the scan's bounds, for the roughness of the mesh
 FAR_OUTSIDE_M = 0.5  # [m] beyond which a point is refused; one nearer may be in a wall, and is only asked about
+ABOVE_LAMPS_M = 0.1  # [m] of a ceiling, as an example
 AHEAD_M = 0.5  # [m] before a window there is room
 POINTS_TODO = "Give them in metres, in the scan's axes: 'lidarspectra scan' prints its extent, the report shows it."
 
@@ -134,8 +135,23 @@ def _check_centers(findings: Findings, run_file: RunFile, extent: ScanExtent) ->
             outside[0][0],
             expected=f"lamps, windows and panes within the scan, {extent.words()}",
             found=f"outside of it: {listed(named)}",
-            todo="Correct 'center' in the run file; it is in metres, in the scan's axes: see 'lidarspectra scan'.",
+            todo="Correct 'center' in the run file; it is in metres, in the scan's axes: see 'lidarspectra scan'."
+            + _higher_ceiling(run_file, extent, np.array([center for _, _, center in outside])),
         )
+
+
+def _higher_ceiling(run_file: RunFile, extent: ScanExtent, centers: FloatArray) -> str:
+    """What to do where things are right and the scan, whose walls were scanned as far as a hand reaches, is too low."""
+    below = centers.copy()
+    below[:, 2] = np.minimum(below[:, 2], extent.bounds[1, 2])
+    top_m = float(centers[:, 2].max())
+    is_above = extent.beyond_m(below).max() <= OUTSIDE_M and top_m <= extent.bounds[1, 2] + BEYOND_SCAN_M
+    if not is_above or run_file.scan.ceiling is not None:
+        return ""
+    return (
+        " If they do hang there and the scan does not reach up to them, give the height of the ceiling under [scan]: "
+        f"ceiling = {top_m + ABOVE_LAMPS_M:.2f}, for instance, with close = true for the walls up to it."
+    )
 
 
 def _check_windows(findings: Findings, run_file: RunFile, extent: ScanExtent) -> None:
