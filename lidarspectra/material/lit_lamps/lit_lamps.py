@@ -46,10 +46,12 @@ MARGIN_M = 0.25  # [m] around a patch in its own picture
 CUT_LEVEL = 0.6  # [1] between surroundings (0) and patch (1): clipping lifts a lamp's blurred rim above the half
 OF_PAINT = (TOO_LARGE, NO_CONTRAST, UNBOUNDED, NO_RIM)  # why bright paint is no lamp; but one may be in it
 CLIPPED = 0.97  # [1] of all channels, from which on a pixel is cut at white
-CLEARANCE_M = 0.055  # [m] distance of lamps from the mesh, whose noise would shade nearer ones
+# [m] of a lamp from the surface that shows it. A flush one shines from there, one on the ceiling from up to 6 cm below
+# it, which a phone's mesh rounds off; of a rough mesh what hides a lamp recedes (`radiance.scene.clearance`).
+CLEARANCE_M = 0.03
+BESIDE_M = 0.066  # [m] around a lamp, whose median height is the level of its surface
 MIN_HANGING_M = 0.04  # [m] least side of what is told as hanging in a pool of light
 BULB_GAP_M = 0.01  # [m] around a body's faces, to the globe that shines in its place
-BUMP_M = 0.15  # [m] higher bumps beside a lamp (a sprinkler) are ignored for its distance
 SQUARE_ASPECT = 1.05  # [1] length over width below which a panel is square, and its turn known but for 90 degrees
 WORTH_TELLING_M2 = 0.005  # [m²] smaller bright patches are not reported when they are left out
 
@@ -63,7 +65,7 @@ class LitLamp:
     shape : Panel, Strip, Disc or Bulb
         Rectangles longer than 2.5 times their width are strips. A bulb holds a body that is white all around.
     center : (3,) float
-        Clear of the mesh by 5.5 cm, but a bulb's. [m]
+        3 cm before the surface that shows it, but a bulb's. [m]
     normal : (3,) float
         Unit vector that it shines along; of no matter for a bulb.
     rotation_deg : float
@@ -313,15 +315,13 @@ def _lamp_or_not(
             may_be_lamp=on_ceiling and not is_flush and lit.fault(but_contrast) is None,
             is_lit_ceiling=on_ceiling and is_flush and reason in OF_PAINT,
         )
-    around = grown(patch, 1.2 * CLEARANCE_M / picture.pixel_m) & picture.seen
+    around = grown(patch, BESIDE_M / picture.pixel_m) & picture.seen
     heights = picture.height[around]
-    # The clearance counts from the highest bump of the mesh beside the lamp, so that none of them shades it. Around a
-    # small pendant most of what is seen is the ceiling above it.
+    # A lamp set into its ceiling shines from the ceiling. Around a small pendant most of what is seen is above it.
     level = max(float(np.median(heights)), lit.height_m)
-    highest = min(float(heights.max()), level + BUMP_M)
     return LitLamp(
         shape=shape_of(fit.shape, tuple(picture.pixel_m * side for side in fit.size)),
-        center=survey.frame.to_room(middle, highest + CLEARANCE_M)[0],
+        center=survey.frame.to_room(middle, level + CLEARANCE_M)[0],
         normal=survey.frame.normal,
         rotation_deg=_least_turn(fit),
         mean_color=lit.color,

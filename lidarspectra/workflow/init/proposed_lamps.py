@@ -7,11 +7,11 @@ from itertools import product
 import numpy as np
 
 from lidarspectra.arrays import FloatArray, float_array
-from lidarspectra.material.lit_lamps.lit_lamps import CLEARANCE_M
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.plan_cells import edge_distance, within_polygon
 from lidarspectra.room.room import Room
 
+CLEARANCE_M = 0.055  # [m] below the mesh, whose noise would shade nearer panels
 PITCH_M = 2.4  # [m] from panel to panel in offices: four ceiling tiles of 0.6 m
 PANEL_M = 0.6  # [m] side of a panel
 PANEL_LM = 3600.0  # [lm] of such a panel; one for each 5.8 m² of floor gives offices some 300 lx

@@ -167,8 +167,8 @@ def _lamp_lines(summary: InitSummary) -> Iterator[str]:
         yield f"#   luminous_flux_lm   {flux}"
     if "spectrum" in guesses:
         yield f'#   spectrum           "{SPECTRUM}", a white LED of about 4100 K; see: lidarspectra databases list'
-    yield "# Centres are moved 5.5 cm off the mesh, whose noise would shade a lamp. Remove what is no lamp, and add"
-    yield "# what is missing: lamps that were off when you scanned are not here."
+    yield "# Centres are 3 cm before the surface that shows a lamp: of one that hangs lower give its own. Remove"
+    yield "# what is no lamp, and add what is missing: lamps that were off when you scanned are not here."
     yield "# The scan's colours are read by the light of these lamps. To try another one, or another place, let this"
     yield "# one stand as it was, with dim = 0, and add the new one with dim_in_scan = 0."
     for name, lamp in _named(lamps):
