@@ -6,17 +6,26 @@ with y up, camera x to the right of the picture as it is stored and looking alon
 `h`. Depth is 32-bit floats [m], `dh` rows of `dw`, confidence bytes 0, 1, 2 alike, both compressed by LZFSE. There is
 no mesh, and no exposure.
 
+The axes are those of the phone when the recording began ("the initial pose is zero", the app's author): y is up only if
+it was held upright then. The vertical is told by the walk: a phone is pitched up and down but hardly rolled, so that
+the side of its picture that lies level sweeps out a horizontal plane as one turns.
+
 References
 ----------
-Record3D, "Exporting" (record3d.app); nerfstudio, nerfstudio/process_data/record3d_utils.py (poses).
+Record3D, "Exporting" (record3d.app); github.com/marek-simonik/record3d, issue 27 (where poses begin); nerfstudio,
+nerfstudio/process_data/record3d_utils.py (poses).
 """
 
 import ctypes
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.capture_files import CaptureFiles
 from lidarspectra.hardware.phone.frames import (
@@ -38,6 +47,13 @@ LIDAR_PX = (192, 256)  # [px] columns and rows of the LiDAR's depth in a picture
 MAX_PIXELS = (
     640 * 480
 )  # [px] of the face camera's depth, the larger of the two; bounds what a packed file may unpack to
+MIN_SWEPT, MAX_ROLLED = 0.2, 0.25  # [1] least variance across the plane that an axis sweeps out; that off it, over it
+MIN_POSES = 8
+AS_IT_IS_DEG = 20.0  # [deg] of the vertical from y, within which recordings stay: what leans so little is set upright
+TURNED = (
+    "Record3D counts from how the phone was held when the recording began, {angle:.0f}° from upright. Up is what it is "
+    "by how the phone was turned while you walked. If the room lies on its side or its head, give up in [scan]."
+)
 _DECODE_ARGUMENTS = (ctypes.c_char_p, ctypes.c_size_t, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_void_p)
 _PICTURE = re.compile(r"rgbd/(\d{1,9})\.jpg")
 
@@ -71,7 +87,56 @@ def read_record3d(files: CaptureFiles) -> Capture:
     names = [numbers[each] for each in sorted(numbers)]
     rows = {name: row for row, name in enumerate(names)}
     frames, left_out = gathered(names, lambda name: _frame(files, about, name, rows[name]))
-    return Capture(app=APP, where=files.where, frames=frames, left_out=left_out)
+    capture = Capture(app=APP, where=files.where, frames=frames, left_out=left_out, up=None)
+    vertical = vertical_of_walk([frame.camera_to_world for frame in frames])
+    if vertical is None:
+        return capture
+    capture = replace(capture, up="+y" if vertical.is_sure else None)
+    angle = float(np.degrees(np.arccos(np.clip(vertical.up[1], -1.0, 1.0))))
+    if angle < AS_IT_IS_DEG:
+        return capture
+    turn = Rotation.align_vectors([[0.0, 1.0, 0.0]], vertical.up[None])[0].as_matrix()
+    upright = tuple(frame.moved(turn) for frame in frames)
+    return replace(capture, frames=upright, notes=(TURNED.format(angle=angle),))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Vertical:
+    """Which way is up in the axes of a recording: (3,) unit vector [1], and whether it may not be down instead."""
+
+    up: FloatArray
+    is_sure: bool
+
+
+def vertical_of_walk(poses: Sequence[FloatArray]) -> Vertical | None:
+    """The vertical by how a phone was held while it was turned.
+
+    Parameters
+    ----------
+    poses : sequence of (4, 4) float
+        Camera to world, x to the right of the picture and y up in it. [m]
+
+    Returns
+    -------
+    vertical : Vertical or None
+        The normal of the plane that the picture's level axis swept out; None if it was hardly turned, or rolled much.
+        Of a phone held with its picture upright it is the way that the picture's top points; of one held on its side,
+        the way that it looked away from, as one looks down rather than up, which is not sure.
+    """
+    if len(poses) < MIN_POSES:
+        return None
+    axes = np.stack([pose[:3, :3] for pose in poses])
+    best: tuple[float, int, FloatArray] | None = None
+    for axis in (0, 1):
+        spread, ways = np.linalg.eigh(axes[:, :, axis].T @ axes[:, :, axis] / len(axes))
+        rolled = float(spread[0] / max(spread[1], 1e-9))
+        if spread[1] > MIN_SWEPT and rolled < MAX_ROLLED and (best is None or rolled < best[0]):
+            best = rolled, axis, ways[:, 0]
+    if best is None:
+        return None
+    _, level, up = best
+    along = float((axes[:, :, 1 if level == 0 else 2] @ up).mean())
+    return Vertical(up=up if along > 0 else -up, is_sure=level == 0)
 
 
 def _metadata(files: CaptureFiles) -> dict[str, Any]:

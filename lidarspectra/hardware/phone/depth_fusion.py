@@ -95,7 +95,7 @@ def fuse_depth(frames: Sequence[Frame], where: str, progress: Progress = silent)
     used, renumbered = np.unique(faces, return_inverse=True)
     points = grid.origin + grid.size_m * np.asarray(vertices, dtype=np.float64)[used]
     part = MeshPart(vertices=points, faces=renumbered.reshape(faces.shape).astype(np.int64))
-    return RawMesh(parts=(part,), unit="m", up="+y", notes=(APPROXIMATE_NOTE.format(size=1000 * grid.size_m),))
+    return RawMesh(parts=(part,), unit="m", notes=(APPROXIMATE_NOTE.format(size=1000 * grid.size_m),))
 
 
 def _nothing(where: str, found: str) -> ScanError:

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from lidarspectra.arrays import ByteArray, FloatArray, float_array
 from lidarspectra.errors import ArrayError, ScanError
 from lidarspectra.geometry.textures import IMAGE_FORMATS, decode_image
-from lidarspectra.hardware.phone.raw_mesh import PARSER_FAULTS, RawMesh
+from lidarspectra.hardware.phone.raw_mesh import PARSER_FAULTS, Axis, RawMesh
 
 MAX_DEPTH_PIXELS = 2048 * 2048  # [px] phones write 256 x 192
 ROTATION_TOLERANCE = 1e-2  # [1] of R^T R from the identity; poses are written as 32-bit floats or better
@@ -153,13 +153,15 @@ class Capture:
     where : str
         Name of its folder or file.
     frames : tuple of Frame
-        Those that can be used, in the order of time; metres, y up.
+        Those that can be used, in the order of time; metres, y up as far as the app knows.
     left_out : tuple of LeftOut
         The others.
     mesh : RawMesh or None
         The app's own mesh, in the axes of the poses; None if it exported none.
     notes : tuple of str
         What the user should know.
+    up : str or None
+        Upward axis of the poses; None if it may be another than y, where the app does not know the vertical.
     close : callable
         Closes the archive that pictures and depths are read from; one that is read afterwards opens it again.
     """
@@ -170,6 +172,7 @@ class Capture:
     left_out: tuple[LeftOut, ...] = ()
     mesh: RawMesh | None = None
     notes: tuple[str, ...] = ()
+    up: Axis | None = "+y"
     close: Callable[[], None] = _stay_closed
 
 

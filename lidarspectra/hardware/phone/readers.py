@@ -144,7 +144,10 @@ def read_scan_and_frames(
 
 def _captured_mesh(capture: Capture, progress: Progress) -> RawMesh:
     """The app's mesh, or one made of the frames' depth."""
-    mesh = capture.mesh or fuse_depth(capture.frames, f"{capture.where} ({capture.app})", progress)
+    mesh = capture.mesh
+    if mesh is None:
+        mesh = fuse_depth(capture.frames, f"{capture.where} ({capture.app})", progress)
+        mesh = replace(mesh, up=capture.up, usual_up="+y")
     return replace(mesh, notes=(*capture.notes, *mesh.notes))
 
 

@@ -13,9 +13,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.hardware.phone.capture_record3d import vertical_of_walk
 from lidarspectra.hardware.phone.captures import read_capture
 from lidarspectra.hardware.phone.frames import FrameFault, key_frames
 from lidarspectra.hardware.phone.readers import read_scan, read_scan_and_frames
@@ -63,6 +65,44 @@ def test_record3d_gives_frames_with_their_poses_and_depth_and_no_exposure(record
     assert set(np.unique(depth.confidence)) == {2}
     assert (frame.exposure_s, frame.iso, frame.time_s) == (None, None, 2.0)
     capture.close()
+
+
+@pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(-25, 0), (-50, 0), (-80, 0), (0, 90), (-20, 90)])
+def test_a_recording_that_counts_from_how_the_phone_was_held_is_upright_with_its_frames(
+    shots: list[Shot], tmp_path: Path, pitch_deg: float, roll_deg: float
+) -> None:
+    """The first pose is zero: a room stood on its side where the phone had looked at the floor, or lain on its side."""
+    began = np.eye(4)
+    began[:3, :3] = shots[1].pose[:3, :3] @ Rotation.from_euler("xz", [pitch_deg, roll_deg], degrees=True).as_matrix()
+    counted = [replace(shot, pose=np.linalg.inv(began) @ shot.pose) for shot in shots]
+    scan, capture = read_scan_and_frames(write_record3d(tmp_path / "a.r3d", counted))
+    assert np.ptp(scan.vertices, axis=0)[2] == pytest.approx(2 * HALF_M[2], abs=0.1)
+    assert any("by how the phone was turned" in note for note in scan.record.notes)
+    assert capture is not None
+    for frame, shot in zip(capture.frames, shots, strict=True):
+        assert frame.direction[2] == pytest.approx(-shot.pose[1, 2], abs=0.03)  # up in their axes is y
+    capture.close()
+
+
+def test_the_vertical_is_told_by_the_side_of_the_picture_that_lies_level() -> None:
+    generator = np.random.default_rng(3)
+    yaws, pitches = generator.uniform(0, 2 * np.pi, 60), generator.uniform(-60, 20, 60)
+    upright = [
+        turning_pose(float(np.degrees(yaw)), float(pitch), (0.0, 0.0, 0.0))
+        for yaw, pitch in zip(yaws, pitches, strict=True)
+    ]
+    trembling = [Rotation.from_euler("z", generator.normal(0, 5), degrees=True).as_matrix() for _ in upright]
+    for roll_deg, is_sure in ((0.0, True), (90.0, False), (-90.0, False)):
+        rolled = Rotation.from_euler("z", roll_deg, degrees=True).as_matrix()
+        poses = [np.eye(4) for _ in upright]
+        for pose, held, hand in zip(poses, upright, trembling, strict=True):
+            pose[:3, :3] = held[:3, :3] @ rolled @ hand
+        found = vertical_of_walk(poses)
+        assert found is not None
+        assert found.up[1] > np.cos(np.radians(4.0))
+        assert found.is_sure is is_sure
+    assert vertical_of_walk([turning_pose(10.0, float(pitch), (0.0, 0.0, 0.0)) for pitch in pitches]) is None
+    assert vertical_of_walk(upright[:3]) is None
 
 
 def test_the_one_matrix_of_older_recordings_is_read_by_columns(record3d: Path, tmp_path: Path) -> None:
