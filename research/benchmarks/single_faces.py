@@ -6,7 +6,9 @@
 
 Of each scan: how much of its area is of no paint and what share of all error lies there; then the area-weighted mean of
 the absolute reflectance error (linear sRGB, of what shows a surface), and of the single faces its median and what one
-face in ten exceeds, without that step and with it. The light is the same in both. `--picture`: floor and three walls of
+face in ten exceeds, without that step and with it. The light is the same in both. In the end, over all scans: how far
+the mean log reflectance of each true material's single faces is off, over what is stated for it, with the usual
+deviation of a place alone and with the doubt about what each face is of (Eq. 2). `--picture`: floor and three walls of
 the first scan in the reflectances without it, with it, and in the true ones.
 """
 
@@ -22,25 +24,27 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.mapping.figures.figure_style import save_picture
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.delighting.beside_paints import settle_beside_paints
-from lidarspectra.material.delighting.one_paint import Paints
+from lidarspectra.material.delighting.light_objective import CELL_M, LOG_SCATTER
+from lidarspectra.material.delighting.one_paint import FLOOR, GREEN, Paints
 from lidarspectra.room.room import find_room
 from lidarspectra.spectra.colorimetry import encode_srgb
 from lidarspectra.workflow.materials import delighting
-from lidarspectra.workflow.materials.delighting import take_light_out
+from lidarspectra.workflow.materials.delighting import Delighting, take_light_out
 from lidarspectra.workflow.materials.light_rounds import REFLECTANCE_RANGE
-from research.benchmarks.delighting import read_case, true_colors
+from research.benchmarks.delighting import Case, read_case, true_colors
 
 HEADER = (
     f"{'scan':24s} {'no paint':>9s} {'of error':>9s}  {'error':>6s} {'now':>6s} {'ratio':>6s}"
     f"  {'median':>7s} {'now':>6s}  {'1 of 10':>8s} {'now':>6s}"
 )
 VIEWS = ((2, 1), (1, 1), (0, 1), (0, -1))  # axis along which one looks at a surface, and which way it faces
+LEAST_M2 = 0.3  # [m²] of a material's single faces, whose mean is held against what is stated
 FACES_US = 0.3  # [1] least cosine between a surface's normal and that
 BELOW_M = 2.0  # [m] above the floor, to where one looks down from
 
 
-def print_scan(folder: Path, picture: Path | None = None) -> None:
-    """Print a scan's row, and draw it where a picture is asked for."""
+def print_scan(folder: Path, picture: Path | None = None) -> FloatArray:
+    """Print a scan's row, and draw it where a picture is asked for; (material, 2) errors over what is stated."""
     case = read_case(folder)
     before: list[Paints] = []
 
@@ -52,7 +56,7 @@ def print_scan(folder: Path, picture: Path | None = None) -> None:
         delit = take_light_out(case.scan, find_room(case.scan), case.lamps)
     if delit.face_color is None or len(before[0].color) != len(case.scan.faces):
         print(f"{folder.name:24s} no row: no light taken out, or faces too large")
-        return
+        return np.zeros((0, 2))
     known = surface_colors(case.scan)[1]
     single = known & (before[0].paint < 0)
     old = delit.face_color.copy()
@@ -70,6 +74,27 @@ def print_scan(folder: Path, picture: Path | None = None) -> None:
     )
     if picture is not None:
         draw(case.scan, {"each face for itself": old, "beside paints": delit.face_color, "true": truth}, known, picture)
+    return over_stated(case, delit, single)
+
+
+def over_stated(case: Case, delit: Delighting, single: BoolArray) -> FloatArray:
+    """(material, 2) errors of the mean log of single faces over what is stated, by the usual deviation and now [1]."""
+    if delit.face_color is None or delit.face_deviation is None or delit.face_place_deviation is None:
+        return np.zeros((0, 2))
+    areas, rows = case.scan.areas, []
+    logs = np.log(np.maximum(delit.face_color, FLOOR) / np.maximum(true_colors(case), FLOOR))[:, GREEN]
+    for material in np.unique(case.face_truth[single]):
+        member = single & (case.face_truth == material)
+        area = float(areas[member].sum())
+        if area < LEAST_M2:
+            continue
+        error, light, place = (
+            float(np.average(each[member], weights=areas[member]))
+            for each in (logs, delit.face_deviation[:, GREEN], delit.face_place_deviation)
+        )
+        of_places = np.array([LOG_SCATTER, place]) / np.sqrt(max(1.0, area / CELL_M**2))
+        rows.append(error / np.hypot(light, of_places))
+    return np.array(rows).reshape(-1, 2)
 
 
 def draw(scan: Scan, colors: Mapping[str, FloatArray], known: BoolArray, path: Path) -> None:
@@ -106,11 +131,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--picture", type=Path, help="PNG of the first scan")
     given = parser.parse_args(arguments)
     print(HEADER)
-    picture = given.picture
+    picture, rows = given.picture, []
     for folder in (scan for each in given.folders for scan in sorted(each.iterdir())):
         if (folder / "truth").is_dir() and folder.name.startswith(tuple(given.only)):
-            print_scan(folder, picture)
+            rows.append(print_scan(folder, picture))
             picture = None
+    over = np.concatenate(rows)
+    for name, each in zip(("usual deviation of a place", "with the doubt of each face"), over.T, strict=True):
+        within = ", ".join(f"{100 * np.mean(np.abs(each) < limit):.0f} %" for limit in (1, 2))
+        rms = float(np.sqrt((each**2).mean()))
+        print(f"{name}: {each.size} materials, rms {rms:.2f} of what is stated, {within} within one and two")
 
 
 if __name__ == "__main__":

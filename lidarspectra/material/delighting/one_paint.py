@@ -51,12 +51,16 @@ class Paints:
         Standard deviation of the logarithm of reflectance over its faces, before. [1]
     area_m2 : (paint,) float
         [m²]
+    doubt : (face,) float, optional
+        Standard deviation of the logarithm of reflectance of faces of none, for what else they may be of
+        (`beside_paints`), 0 of others; 0 if left out. [1]
     """
 
     color: FloatArray
     paint: IntArray
     spread: FloatArray
     area_m2: FloatArray
+    doubt: FloatArray | None = None
 
     def deviation(self, place_m: float) -> FloatArray:
         """(face,) deviation of the mean's logarithm, if places of so many metres err independently [1]."""
@@ -64,6 +68,14 @@ class Paints:
             return np.zeros(len(self.color))
         own = self.spread / np.sqrt(np.maximum(1.0, self.area_m2 / place_m**2))
         return np.where(self.paint >= 0, own[self.paint], 0.0)
+
+    def place_deviation(self, usual: float) -> FloatArray:
+        """(face,) deviation of the logarithm in one place [1]: the usual one and the doubt of what is of no paint.
+
+        That of a paint is in the deviation of its mean.
+        """
+        doubt = np.zeros(len(self.color)) if self.doubt is None else self.doubt
+        return np.where(self.paint >= 0, 0.0, np.hypot(usual, doubt))
 
     def with_more(self, face: IntArray, paint: IntArray, color: FloatArray) -> Self:
         """The same paints, with some (n,) more faces, of (n,) paints or none, and their (n, 3) reflectances [0-1]."""

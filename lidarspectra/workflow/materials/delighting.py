@@ -25,6 +25,7 @@ from lidarspectra.material.delighting.dark_places import DarkPlaces, black_error
 from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.light_objective import (
     CELL_M,
+    LOG_SCATTER,
     STATED_FLUX_DEVIATION,
 )
 from lidarspectra.material.delighting.one_paint import Paints, one_paint
@@ -89,7 +90,6 @@ MIN_PHOTOGRAPHED = 0.2  # [1] least share of the area whose colour shows light; 
 MIN_OF_CONES = 0.02
 MIN_WITNESSES = 16  # least independent places, over twice the number of unknowns
 MAX_PAINT_SHARE = 0.05  # [1] of the area: what paint sends that is cut is known to half, so that others err by 2.5 %
-HALF = 0.5  # [1] of a large face's parts, that are of a paint for it to be
 SHARES = (0.1, 0.35, 0.55, 0.3)  # of the time: colours, evidence, the fits, and their repetition if needed
 
 
@@ -108,8 +108,8 @@ class Delighting:
         Camera and light; None without a fit.
     words : str
         Result in one line; empty without one.
-    face_painted : (face,) bool or None
-        Which are of a paint, so that `face_deviation` has the errors of single places too; None without colours.
+    face_place_deviation : (face,) float or None
+        The same of single places, about that; 0 of what is of a paint, whose mean's has it. None without colours. [1]
     warnings : tuple of str
         Sentences for the user: limits of the result, or why there is none.
     lamp_fluxes : tuple of LampFlux
@@ -122,21 +122,23 @@ class Delighting:
     face_deviation: FloatArray | None
     fit: LightFit | None
     words: str
-    face_painted: BoolArray | None = None
+    face_place_deviation: FloatArray | None = None
     warnings: tuple[str, ...] = ()
     lamp_fluxes: tuple[LampFlux, ...] = ()
     lit: tuple[Lamp, ...] = ()
 
     def of_whole_faces(self, small: SmallFaces) -> Self:
         """The same for the faces that these are parts of; most of a face has to show a surface for it to have one."""
-        if self.face_color is None or self.face_deviation is None or self.face_painted is None:
+        if self.face_color is None or self.face_deviation is None or self.face_place_deviation is None:
             return self
         shows = (~saturated(self.face_color)).astype(np.float64)
-        painted = small.mean(self.face_painted.astype(np.float64), shows) > HALF
         color = small.mean(self.face_color, shows)
         color[small.mean(shows, np.ones(len(shows))) < 1.0 - MAX_SATURATED] = 1.0
         return replace(
-            self, face_color=color, face_deviation=small.mean(self.face_deviation, shows), face_painted=painted
+            self,
+            face_color=color,
+            face_deviation=small.mean(self.face_deviation, shows),
+            face_place_deviation=small.mean(self.face_place_deviation, shows),
         )
 
 
@@ -256,7 +258,7 @@ def _out_of(
         face_deviation=deviation,
         fit=fitted.fit,
         words="; ".join(words for words in (light_words, paints.in_words()) if words),
-        face_painted=paints.paint >= 0,
+        face_place_deviation=paints.place_deviation(LOG_SCATTER),
         warnings=(
             *(flux_warnings(fitted.fit, lights.lamps) if fluxes_stated else flux_notes(fluxes)),
             *_notes(picture, fitted, paints, dark),

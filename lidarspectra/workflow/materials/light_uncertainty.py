@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.material.delighting.light_objective import CELL_M, LOG_SCATTER
+from lidarspectra.material.delighting.light_objective import CELL_M
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.materials.delighting import Delighting
@@ -20,7 +20,8 @@ def with_light_uncertainty(
     """Materials whose uncertainty includes that of the light, averaged over each material's faces.
 
     Errors of the light are common to all of a material's faces and do not average out; errors of single places do.
-    Those of a paint are in its own deviation, by how much its places differ; what is of no paint has the usual ones.
+    Those of a paint are in its own deviation, by how much its places differ; what is of no paint has the usual ones,
+    and those of not knowing what it is of.
     Where no light was taken out, a colour is the reflectance times whatever light fell there.
 
     Parameters
@@ -36,7 +37,7 @@ def with_light_uncertainty(
     -------
     materials : MaterialMap
     """
-    if delighting is None or delighting.face_deviation is None or delighting.face_painted is None:
+    if delighting is None or delighting.face_deviation is None or delighting.face_place_deviation is None:
         return _with_light_left_in(materials)
     changed = []
     for number, material in enumerate(materials.materials):
@@ -46,9 +47,9 @@ def with_light_uncertainty(
             changed.append(material)
             continue
         common = np.average(delighting.face_deviation[member], weights=areas, axis=0)
-        single = float(areas[~delighting.face_painted[member]].sum())
-        places = max(1.0, single / CELL_M**2)
-        of_cones = np.hypot(common, single / float(areas.sum()) * LOG_SCATTER / np.sqrt(places))
+        of_place = delighting.face_place_deviation[member]
+        places = max(1.0, float(areas[of_place > 0].sum()) / CELL_M**2)
+        of_cones = np.hypot(common, np.average(of_place, weights=areas) / np.sqrt(places))
         wavelengths = material.reflectance.wavelengths_nm
         relative = np.interp(wavelengths, CONE_PEAKS_NM[::-1], of_cones[::-1])
         own = 0.0 if material.uncertainty is None else material.uncertainty.at(wavelengths, outside="nearest")

@@ -69,6 +69,24 @@ def test_a_mixed_rim_becomes_one_of_the_two_that_it_is_mixed_of(wall: Scan, pain
     assert (np.abs(color - RED).max(axis=1) < 0.5 * np.abs(mixed - RED).max()).all()
 
 
+def test_what_is_of_no_paint_is_in_doubt_by_what_else_it_may_be_of(wall: Scan, paints: Paints) -> None:
+    """A rim that was mixed may be of either paint, or what it shows; a thing that stays what it is may not."""
+    rim = np.abs(wall.centers[:, 0] - EDGE_M) < 0.015
+    thing = (np.abs(wall.centers[:, 0] - 0.9) < 0.1) & (np.abs(wall.centers[:, 2] - 0.6) < 0.1)
+    both = single(single(paints, rim, 0.8 * RED + 0.2 * WHITE), thing, BLACK)
+    everywhere = np.ones(len(wall.faces), dtype=np.bool_)
+    found = settle_beside_paints(wall, both, everywhere, np.full((len(wall.faces), 3), 0.3))
+    assert found.doubt is not None
+    moved = np.sqrt((np.log(found.color[rim] / both.color[rim]) ** 2).mean(axis=1))
+    assert (found.doubt[rim] > moved).all()
+    assert np.median(found.doubt[rim]) > 0.2
+    assert np.median(found.doubt[thing]) < 0.05
+    assert not found.doubt[~(rim | thing)].any()
+    of_place = found.place_deviation(0.07)
+    assert not of_place[found.paint >= 0].any(), "a paint's mean has its own"
+    assert np.allclose(of_place[rim], np.hypot(0.07, found.doubt[rim]))
+
+
 def test_a_black_thing_on_white_stays_black(wall: Scan, paints: Paints) -> None:
     thing = (np.abs(wall.centers[:, 0] - 0.9) < 0.1) & (np.abs(wall.centers[:, 2] - 0.6) < 0.1)
     color = settled(wall, single(paints, thing, BLACK))[thing]

@@ -52,15 +52,18 @@ def test_a_face_has_the_mean_of_its_parts_that_show_a_surface_if_they_are_enough
     most = small.scan.centers[:, 0] > 8.2  # of the second face, all but a corner
     color[most] = 1.0
     color[np.flatnonzero(small.parent == 0)[0]] = 1.0
-    painted = small.parent == 0
+    of_place = np.where(small.parent == 0, 0.0, 0.3)
     deviation = np.where(most[:, None], 9.0, np.full((count, 3), 0.05))
-    parts = Delighting(face_color=color, face_deviation=deviation, fit=None, words="", face_painted=painted)
+    parts = Delighting(
+        face_color=color, face_deviation=deviation, fit=None, words="", face_place_deviation=of_place
+    )  # fmt: skip
     found = parts.of_whole_faces(small)
     assert found.face_color is not None
     assert found.face_deviation is not None
     np.testing.assert_allclose(found.face_color, [[0.4] * 3, [1.0] * 3])
     np.testing.assert_allclose(found.face_deviation[0], 0.05)
-    assert np.asarray(found.face_painted).tolist() == [True, False]
+    assert found.face_place_deviation is not None
+    np.testing.assert_allclose(found.face_place_deviation, [0.0, 0.3])
 
 
 def test_a_note_tells_of_white_surfaces_that_came_out_brighter_than_paint_and_not_of_noise_about_white() -> None:

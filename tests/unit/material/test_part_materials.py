@@ -129,8 +129,8 @@ def test_a_reflectance_whose_light_was_left_in_is_as_uncertain_as_shown_colours_
         assert np.array_equal(before.reflectance.values, after.reflectance.values), "the estimate itself stays"
 
 
-@pytest.mark.parametrize(("painted", "of_places"), [(True, 0.0), (False, LOG_SCATTER)])
-def test_what_the_places_of_a_paint_err_by_is_stated_once(box, painted: bool, of_places: float) -> None:
+@pytest.mark.parametrize("of_places", [0.0, LOG_SCATTER, 0.3])
+def test_what_the_places_of_a_paint_err_by_is_stated_once(box, of_places: float) -> None:
     """A paint's own deviation has it; less than a square metre of what is of none errs as one place does."""
     scan, count = box, len(box.faces)
     small = scan.areas / scan.areas.sum()
@@ -138,7 +138,7 @@ def test_what_the_places_of_a_paint_err_by_is_stated_once(box, painted: bool, of
     found = estimate_materials(replace(scan, appearance=grey), no_views(scan), model=None)
     taken_out = Delighting(
         face_color=np.full((count, 3), 0.5), face_deviation=np.full((count, 3), 0.03), fit=None, words="",
-        face_painted=np.full(count, painted),
+        face_place_deviation=np.full(count, of_places),
     )  # fmt: skip
     stated = with_light_uncertainty(found, taken_out, small)
     before, after = (each.materials[0] for each in (found, stated))
