@@ -19,8 +19,14 @@ import pandas as pd
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.mapping.figures.tables import Table, save_table, table_markdown
+from lidarspectra.mapping.photometry.channel_color import channel_color, tristimulus_responses
 from lidarspectra.mapping.photometry.channel_estimate import KINDS, Method, channel_estimate
-from lidarspectra.mapping.photometry.color_quality import COLOR_GRID_NM, ColorQuality, color_quality
+from lidarspectra.mapping.photometry.color_quality import (
+    COLOR_GRID_NM,
+    ColorQuality,
+    color_quality,
+    temperature_of_tristimulus,
+)
 from lidarspectra.mapping.photometry.indoor_spectra import GRID_NM, IndoorSpectra, indoor_spectra
 from lidarspectra.mapping.photometry.point_light import LampShare, PointLight
 from lidarspectra.mapping.photometry.quantities import light_quantities
@@ -70,8 +76,23 @@ def color_table(ensemble: IndoorSpectra, device: str, chosen: IntArray, truth: C
             off = scale * (_field(found, name) - _field(truth, name))
             cells = [_pair_of(off[white & (ensemble.category[chosen] == kind)]) for kind in KINDS]
             rows.append((words, method, *cells))
+    told = channel_color(ensemble, bands, method="learned")
+    kelvin, duv = temperature_of_tristimulus(_learned_tristimulus(ensemble, bands)[chosen])
+    for words, off in (("CCT [K]", kelvin - truth.cct_k), ("Duv [0.001]", 1e3 * (duv - truth.duv))):
+        cells = [_pair_of(off[white & (ensemble.category[chosen] == kind)]) for kind in KINDS]
+        rows.append((words, "learned", *cells))
+    print(f"{device}: colour temperature by learned weights, 95 % of all: {told.cct_error_percent:.1f} %")
     caption = f"{device}: absolute error, half / 95 % of {int(white.sum())} spectra that are white stay below."
     return Table(name=f"colour-{device}", caption=caption, frame=pd.DataFrame(rows, columns=["number", "way", *KINDS]))
+
+
+def _learned_tristimulus(ensemble: IndoorSpectra, bands: BandSet) -> FloatArray:
+    """(spectrum, 3) X, Y, Z by weights that were fitted without the spectrum's lamp."""
+    values = [
+        ensemble.weigh(response) * (1.0 + channel_estimate(ensemble, bands, response).relative_errors)
+        for response in tristimulus_responses()
+    ]
+    return np.stack(values, axis=1)
 
 
 def _by_lines(ensemble: IndoorSpectra, bands: BandSet, chosen: IntArray) -> FloatArray:

@@ -57,16 +57,22 @@ def color_temperature(spectra: FloatArray, wavelengths_nm: FloatArray) -> tuple[
     cct_k, duv : (point,) float
         NaN where there is no light, its colour is farther than 0.05 from the locus, or beyond 25 000 K. [K, 1]
     """
+    return temperature_of_tristimulus(np.maximum(spectra, 0.0) @ color_matching_functions(wavelengths_nm))
+
+
+def temperature_of_tristimulus(xyz: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """`color_temperature` of (point, 3) tristimulus values X, Y, Z in any unit."""
     import colour  # here, since it takes over a second
 
-    x, y, z = (np.maximum(spectra, 0.0) @ color_matching_functions(wavelengths_nm)).T
+    x, y, z = np.maximum(xyz, 0.0).T
     base = x + 15.0 * y + 3.0 * z
     lit = base > 0
     cct, duv = np.full(base.shape, np.nan), np.full(base.shape, np.nan)
     if not lit.any():
         return cct, duv
     uv = np.stack([4.0 * x[lit] / base[lit], 6.0 * y[lit] / base[lit]], axis=1)
-    found = np.atleast_2d(colour.uv_to_CCT(uv, method="Ohno 2013"))
+    with colour.utilities.suppress_warnings(colour_runtime_warnings=True):  # beyond the locus, left out below
+        found = np.atleast_2d(colour.uv_to_CCT(uv, method="Ohno 2013"))
     good = (np.abs(found[:, 1]) <= LARGEST_DUV) & (found[:, 0] > CCT_RANGE_K[0]) & (found[:, 0] < CCT_RANGE_K[1])
     cct[lit], duv[lit] = np.where(good, found[:, 0], np.nan), np.where(good, found[:, 1], np.nan)
     return cct, duv

@@ -8,8 +8,9 @@ from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.maps.point_values import places_of
+from lidarspectra.mapping.photometry.channel_color import channel_color
 from lidarspectra.mapping.photometry.channel_estimate import Method, channel_estimate
-from lidarspectra.mapping.photometry.color_quality import COLOR_GRID_NM, color_quality
+from lidarspectra.mapping.photometry.color_quality import COLOR_GRID_NM, color_quality, temperature_of_tristimulus
 from lidarspectra.mapping.photometry.indoor_spectra import IndoorSpectra, indoor_spectra
 from lidarspectra.mapping.photometry.point_light import PointLight
 from lidarspectra.mapping.photometry.quantities import light_quantities
@@ -73,7 +74,8 @@ def light_at_points(
         Dim point; a variable for each of `light_quantities` with its standard error (`..._se`), and those of
         `COLOR_COLUMNS`. Colour rendering is NaN where only bands more than 10 nm apart are known, and at points that
         are not among the 500 for which it is computed. Attribute `method`: see `method_for`; attribute
-        `channel_error_percent` of each: 95th percentile of the channels' error over indoor spectra.
+        `channel_error_percent` of each integral and of the colour temperature: 95th percentile of the channels' error
+        over indoor spectra.
     """
     tried = indoor_spectra() if ensemble is None else ensemble
     method = method_for(light)
@@ -87,9 +89,14 @@ def light_at_points(
         attributes = {"channel_error_percent": 100.0 * estimate.percentile(95.0)}
         variables[quantity.name] = ("point", value, {**about, **attributes})
         variables[quantity.name + "_se"] = ("point", error, {**about, "long_name": f"standard error, {quantity.words}"})
-    for name, values in _colors(light, kept_points(places), rendering, progress).items():
+    told = channel_color(tried, bands, method=method)
+    colors = _colors(light, kept_points(places), rendering, progress)
+    if method == "learned":
+        colors["cct_K"], colors["duv"] = temperature_of_tristimulus(light.irradiance @ told.weights.T)
+    for name, values in colors.items():
         words, unit = COLOR_COLUMNS[name]
         variables[name] = ("point", values, {"units": unit, "long_name": words})
+    variables["cct_K"][2]["channel_error_percent"] = told.cct_error_percent
     return xr.Dataset(variables, places_of(places), {"method": method, "bands": len(bands)})
 
 
@@ -121,8 +128,7 @@ def summary_table(quantities: xr.Dataset, *, before: PointLight | None = None) -
     -------
     table : Table
         The illuminance first. 'channels' is the 95th percentile of the error due to these channels over the ensemble,
-        lamps and surfaces of all kinds; it adds to the standard error of the trace. Empty for quantities that are no
-        integral.
+        lamps and surfaces of all kinds; it adds to the standard error of the trace. Empty for Duv and colour rendering.
     """
     kept = kept_points(quantities)
     rows = []
@@ -130,7 +136,10 @@ def summary_table(quantities: xr.Dataset, *, before: PointLight | None = None) -
     for quantity in ordered:
         values = quantities[quantity.name]
         rows.append((quantity.words, quantity.unit, values, float(values.attrs["channel_error_percent"])))
-    rows += [(words, unit, quantities[name], np.nan) for name, (words, unit) in COLOR_COLUMNS.items()]
+    rows += [
+        (words, unit, quantities[name], float(quantities[name].attrs.get("channel_error_percent", np.nan)))
+        for name, (words, unit) in COLOR_COLUMNS.items()
+    ]
     frame = pd.DataFrame(
         [_row(words, unit, values.to_numpy()[kept], error) for words, unit, values, error in rows],
         columns=["quantity", "unit", "mean", "lowest", "highest", "channels [%]"],

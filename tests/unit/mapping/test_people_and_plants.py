@@ -8,6 +8,7 @@ from lidarspectra.mapping.maps.point_values import points_frame
 from lidarspectra.mapping.maps.response_weights import share_within
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.maps.visible_bands import luminosity
+from lidarspectra.mapping.photometry.channel_color import channel_color
 from lidarspectra.mapping.photometry.channel_estimate import Method, channel_estimate
 from lidarspectra.mapping.photometry.color_quality import COLOR_GRID_NM, color_quality, color_temperature
 from lidarspectra.mapping.photometry.figures import quantities_figure
@@ -21,7 +22,7 @@ from lidarspectra.mapping.photometry.quantities import (
     light_quantities,
     light_quantity,
 )
-from lidarspectra.spectra.databases import lamp_spectrum
+from lidarspectra.spectra.databases import lamp_spectrum, list_lamps
 from lidarspectra.spectra.spectrum import Spectrum, gaussian_bands, sensor_bands, uniform_bands
 
 EDIS = [quantity for quantity in light_quantities() if quantity.name.endswith("_edi_lx")]
@@ -131,6 +132,30 @@ def test_the_lamps_spectra_tell_quantities_better_than_channels_and_learned_weig
         assert learned < 0.6 * lines, kind  # 2 against 6 %, and 2 against 9 %
         assert lamps < 0.06, kind
     assert np.median(np.abs(error["lamps"].relative_errors)) < 0.01
+
+
+def test_the_colour_temperature_of_channels_has_an_error_and_learned_weights_halve_it(ensemble):
+    bands = sensor_bands("as7265x-14")
+    error = {method: channel_color(ensemble, bands, method=method).cct_error_percent for method in ("lines", "learned")}
+    assert 4.0 < error["learned"] < 0.8 * error["lines"]
+    full = channel_color(ensemble, uniform_bands(380.0, 780.0, 80), method="lamps").cct_error_percent
+    assert full < 0.5
+
+
+def test_the_colour_temperature_of_a_sensor_s_light_is_within_the_error_that_is_told(make_transport, ensemble):
+    transport, bands = make_transport(points=4), sensor_bands("as7265x-14")
+    lamps = [lamp for lamp in list_lamps() if lamp.category == "led"]
+    values = np.stack([bands.band_values(lamp.spectrum, outside="zero") for lamp in lamps])
+    light = PointLight(centers_nm=bands.centers_nm, irradiance=values, irradiance_se=np.zeros_like(values))
+    places = transport.isel(point=np.zeros(len(lamps), dtype=int))
+    found = light_at_points(light, places, bands, ensemble=ensemble, rendering=False)
+    true, _ = color_temperature(np.stack([lamp.spectrum.means(COLOR_GRID_NM) for lamp in lamps]), COLOR_GRID_NM)
+    off = 100.0 * np.abs(found["cct_K"].to_numpy() / true - 1.0)
+    told = found["cct_K"].attrs["channel_error_percent"]
+    assert np.nanpercentile(off, 90.0) < 2.0 * told  # LEDs are among the worst of all kinds
+    assert np.nanmedian(off) < 0.5 * told
+    row = summary_table(found).frame.set_index("quantity").loc["correlated colour temperature"]
+    assert row["channels [%]"] == pytest.approx(told)
 
 
 def test_channels_that_no_lamp_lights_are_not_learned_from(ensemble):
