@@ -5,10 +5,10 @@
     FOLDER/vault/scan.ply, scan.toml, scan.run/
 
 Their light is found by rays alone (`research.virtual_rooms.ray_room`), with nothing of the product. `init` finds the
-lamps; those that it finds get their true flux and colour, with `--true-height` their true height too, and the room is
-run. A row for each: lamps found of true and found where none is; of the surfaces that light reaches, area-weighted mean
-error and bias of reflectances, linear sRGB, and shares whose green reflectance lies within one and two stated
-deviations; the map's median and mean errors and its NRMSE, by illuminance.
+lamps; those that it finds get their true flux and colour, with `--true-height` their true height too, the uplight is
+given, and the room is run. A row for each: lamps found of true and found where none is; of the surfaces that light
+reaches, area-weighted mean error and bias of reflectances, linear sRGB, and shares whose green reflectance lies within
+one and two stated deviations; the map's median and mean errors and its NRMSE, by illuminance.
 """
 
 import argparse
@@ -308,6 +308,10 @@ ROOMS: dict[str, Callable[[], RayRoom]] = {
 }  # fmt: skip
 
 
+GIVEN = {"uplight": 'shape = "panel"\ncenter = [4.5, 0.5, 1.81]\nsize = [0.16, 0.16]\nnormal = [0, 0, 1]\n'}
+"""Lamps that `init` does not find, as a user would write them."""
+
+
 def with_true_light(text: str, room: RayRoom, *, true_height: bool = False) -> tuple[str, int, int]:
     """A run file whose lamps have the flux of the true ones nearest in plan; how many are right, and how many none."""
     head, *tables = re.split(r"(?m)^(?=\[\[lamps\]\])", text)
@@ -341,6 +345,14 @@ def lit_faces(true: Solved) -> BoolArray:
     light = true.irradiance @ LUMINANCE_FROM_SRGB
     mean = np.average(light, weights=true.mesh.area_faces)
     return np.asarray((true.own == 0) & (light > DARK_SHARE * mean))
+
+
+def with_given_lamp(text: str, lamp: str, room: RayRoom) -> str:
+    """A run file with a lamp of the user's in place of the panels that were proposed."""
+    head, *tables = re.split(r"(?m)^(?=\[\[lamps\]\])", text)
+    rest = tables[-1][tables[-1].index("[materials]") :]
+    light = f"cct_k = {CCT_K}\nluminous_flux_lm = {room.lamps[0][1]:.1f}\n"
+    return head + f'[[lamps]]\nname = "given"\n{lamp}{light}\n' + re.sub(r"(?m)^delight = false.*\n", "", rest)
 
 
 def of_reflectances(run: Path, true: Solved) -> tuple[float, float, float, float]:
@@ -384,14 +396,18 @@ def row(name: str, folder: Path, *, true_height: bool) -> str:
     run_file = folder / "scan.toml"
     summary = write_init(folder / "scan.ply", run_file, force=True)
     text, right, wrong = with_true_light(run_file.read_text(encoding="utf-8"), room, true_height=true_height)
+    found = f"{right} of {len(room.lamps)} | {wrong}"
     if summary.panels is not None:
-        return f"| {name} | 0 of {len(room.lamps)} | {wrong} proposed | | | | | | | |"
+        found = f"0 of {len(room.lamps)}, given | {wrong} proposed"
+        if name not in GIVEN:
+            return f"| {name} | 0 of {len(room.lamps)} | {wrong} proposed | | | | | | | |"
+        text = with_given_lamp(run_file.read_text(encoding="utf-8"), GIVEN[name], room)
     run_file.write_text(text, encoding="utf-8")
     lidarspectra.run(run_file)
     error, bias, one, two = of_reflectances(folder / "scan.run", true)
     median, mean, nrmse = of_map(folder / "scan.run", true)
     return (
-        f"| {name} | {right} of {len(room.lamps)} | {wrong} | {error:.3f} | {bias:+.3f} "
+        f"| {name} | {found} | {error:.3f} | {bias:+.3f} "
         f"| {100 * one:.0f} | {100 * two:.0f} | {100 * median:+.1f} | {100 * mean:+.1f} | {nrmse:.3f} |"
     )
 

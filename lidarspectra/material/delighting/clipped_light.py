@@ -43,7 +43,8 @@ def cut_paint(scan: Scan, cut: BoolArray, irradiance: FloatArray, paints: Paints
     """Reflectance of what is cut at white and has so much light that paint would be.
 
     A face that shows at least white in irradiance E reflects at least 1/E. It is of the nearest paint of its plane, if
-    that one, ρ, would be cut there too, up to what light along a plane errs by: log(ρE) > -`ALIKE`. Elsewhere it lies
+    that one, ρ, would be cut there too, up to what light along a plane errs by: log(ρE) > -`ALIKE`; and so is what is
+    cut beyond it, as the ceiling over a lamp that shines upward, metres from where its paint is seen. Elsewhere it lies
     between 1/E and fresh paint, with the mean and the deviation of a uniform prior, as in `beyond_white`. Where not
     even fresh paint would be cut, the face shows a lamp or a window, and is left out.
 
@@ -63,16 +64,31 @@ def cut_paint(scan: Scan, cut: BoolArray, irradiance: FloatArray, paints: Paints
     """
     faces = np.flatnonzero(cut)
     light = srgb_of_cones(irradiance[faces])
-    beside = _paint_beside(scan, faces, paints)
-    of_paint = np.where(beside >= 0, paints.paint[beside], -1)
-    of_paint[(paints.color[beside] * light < np.exp(-ALIKE)).any(axis=1)] = -1
+    of_paint, color = _of_paint_beside(scan, faces, light, paints)
+    deviation = np.zeros(faces.size)
     between = (of_paint < 0) & (BRIGHTEST_REFLECTANCE * light > 1.0).all(axis=1)
     least = _mean_of_surfaces(scan, faces[between], 1.0 / light[between])
-    color, deviation = paints.color[beside], np.zeros(faces.size)
     color[between] = 0.5 * (least + BRIGHTEST_REFLECTANCE)
     deviation[between] = ((BRIGHTEST_REFLECTANCE - least) / np.sqrt(12.0) / color[between]).max(axis=1)
     told = between | (of_paint >= 0)
     return CutPaint(face=faces[told], color=color[told], deviation=deviation[told], paint=of_paint[told])
+
+
+def _of_paint_beside(scan: Scan, faces: IntArray, light: FloatArray, paints: Paints) -> tuple[IntArray, FloatArray]:
+    """(cut,) paints that some faces in (cut, 3) light are of, -1 for none, and their (cut, 3) reflectances [1].
+
+    From where a paint is seen inwards, `PAINT_REACH_M` at a time.
+    """
+    paint, color = paints.paint.copy(), paints.color.copy()
+    left = np.arange(faces.size)
+    while left.size:
+        beside = _paint_beside(scan, faces[left], paint)
+        found = (beside >= 0) & (color[beside] * light[left] >= np.exp(-ALIKE)).all(axis=1)
+        if not found.any():
+            break
+        paint[faces[left[found]]], color[faces[left[found]]] = paint[beside[found]], color[beside[found]]
+        left = left[~found]
+    return paint[faces], color[faces]
 
 
 def _mean_of_surfaces(scan: Scan, faces: IntArray, values: FloatArray) -> FloatArray:
@@ -87,9 +103,9 @@ def _mean_of_surfaces(scan: Scan, faces: IntArray, values: FloatArray) -> FloatA
     return np.asarray((sums / np.bincount(surface, weights=areas)[:, None])[surface], dtype=np.float64)
 
 
-def _paint_beside(scan: Scan, faces: IntArray, paints: Paints) -> IntArray:
-    """(cut,) the nearest face of a paint in the plane of each of some faces; -1 where none is in reach."""
-    painted = np.flatnonzero(paints.paint >= 0)
+def _paint_beside(scan: Scan, faces: IntArray, paint: IntArray) -> IntArray:
+    """(cut,) the nearest face of a (face,) paint in the plane of each of some faces; -1 where none is in reach."""
+    painted = np.flatnonzero(paint >= 0)
     if not (faces.size and painted.size):
         return np.full(faces.size, -1, dtype=np.int64)
     distance, near = cKDTree(scan.centers[painted]).query(

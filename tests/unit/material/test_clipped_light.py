@@ -117,3 +117,14 @@ def test_the_paint_of_another_plane_does_not_count() -> None:
 def test_nothing_cut_is_nothing_found(ceiling: Scan) -> None:
     cut = np.zeros(len(ceiling.faces), dtype=bool)
     assert not found_in(ceiling, cut, 2.0, painted(ceiling, cut)).face.size
+
+
+def test_a_ceiling_that_a_lamp_below_it_cuts_for_metres_has_the_paint_of_its_rim(ceiling: Scan) -> None:
+    """Most of a room's light then falls where no paint is seen for more than a metre."""
+    cut = np.linalg.norm(ceiling.centers[:, :2], axis=1) < 1.7
+    far = np.linalg.norm(ceiling.centers[:, :2], axis=1) < 0.9
+    found = found_in(ceiling, cut, 9.0, painted(ceiling, cut))
+    assert np.isin(np.flatnonzero(far), found.face).all()
+    assert (found.paint == 0).all()
+    assert found.color == pytest.approx(np.broadcast_to(PAINT, found.color.shape))
+    assert not found.deviation.any()
