@@ -77,7 +77,7 @@ def read_record3d(files: CaptureFiles) -> Capture:
     Raises
     ------
     ScanError
-        If the metadata are damaged, or the library for the depth is missing.
+        If the metadata are damaged, all poses are one, or the library for the depth is missing.
     """
     about = _metadata(files)
     if any(name.endswith(".depth") for name in files.names):
@@ -87,6 +87,13 @@ def read_record3d(files: CaptureFiles) -> Capture:
     names = [numbers[each] for each in sorted(numbers)]
     rows = {name: row for row, name in enumerate(names)}
     frames, left_out = gathered(names, lambda name: _frame(files, about, name, rows[name]))
+    if len(frames) > 1 and all((frame.camera_to_world == frames[0].camera_to_world).all() for frame in frames):
+        raise ScanError(
+            expected="a recording with the LiDAR, whose frames have poses",
+            found=f"one and the same pose in all {len(frames)} frames, as the face camera's have",
+            where=f"{files.where} ({APP})",
+            todo="Record again with the LiDAR.",
+        )
     capture = Capture(app=APP, where=files.where, frames=frames, left_out=left_out, up=None)
     vertical = vertical_of_walk([frame.camera_to_world for frame in frames])
     if vertical is None:

@@ -84,6 +84,13 @@ def test_a_recording_that_counts_from_how_the_phone_was_held_is_upright_with_its
     capture.close()
 
 
+def test_a_recording_of_the_face_camera_which_has_no_poses_is_refused(shots: list[Shot], tmp_path: Path) -> None:
+    """All its frames stand at one place and look one way: their depths on top of each other made a room."""
+    still = [replace(shot, pose=np.eye(4)) for shot in shots]
+    with pytest.raises(ScanError, match="same pose in all 24 frames"):
+        read_scan(write_record3d(tmp_path / "a.r3d", still))
+
+
 def test_the_vertical_is_told_by_the_side_of_the_picture_that_lies_level() -> None:
     generator = np.random.default_rng(3)
     yaws, pitches = generator.uniform(0, 2 * np.pi, 60), generator.uniform(-60, 20, 60)
