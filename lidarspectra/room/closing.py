@@ -20,8 +20,8 @@ from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.geometry.textures import subdivision_barycentrics
 from lidarspectra.room.free_space import FreeSpace, sphere_directions
 from lidarspectra.room.plan_cells import PlanMask, outlines
-from lidarspectra.room.room import Room
-from lidarspectra.room.room_planes import face_geometry
+from lidarspectra.room.room import UPRIGHT_KINDS, Room
+from lidarspectra.room.room_planes import face_geometry, of_kinds
 
 CEILING, FLOOR, SIDE = range(3)  # places in `CLOSED_KINDS`
 PIXEL_M = 0.05  # [m] of the plan that the shell stands around
@@ -32,6 +32,10 @@ BRIDGED_M = 0.4  # [m] rooms no farther apart have one shell: what is between th
 BELOW_CEILING_M = 0.5  # [m] from so far below a ceiling's height upwards, whatever was scanned closes the room
 CLEAR_M = 0.02  # [m] before a plate, from where the room's free points are looked for
 SEERS, MIN_SEERS = 24, 3  # such points, the nearest in plan; that see a place at least: fewer look through cracks
+MIN_WALL_M, WALL_REACH_M = (
+    1.4,
+    0.15,
+)  # [m] of a wall that goes on above, and no balustrade; in plan, to the wall's parts
 MIN_OPEN_M2 = 0.5  # [m²] of a ceiling; less is cracks
 ABOVE_M, ABOVE_SHARE = 0.3, 0.05  # [m], [1] of upright area so far above a ceiling, from which the room goes on there
 WALL_M = 0.1  # [m] places in the plan that far from its outline are in the air before its walls
@@ -201,7 +205,8 @@ def close_room(
         In it.
     ceiling, floor : bool
         Close a ceiling, or a floor, of which the scan shows nothing, at the height where the walls end; and what is
-        open of a ceiling of which it shows less than `CLOSED_CEILING_SHARE`, at its height.
+        open of a ceiling of which it shows less than `CLOSED_CEILING_SHARE`, at its height. With a ceiling, what is
+        open above walls that were scanned in part.
     sides : bool
         Close all that is open as the room's free space sees it: sides, ends, and parts of ceiling and floor.
 
@@ -223,6 +228,12 @@ def close_room(
         closed = _with_squares(closed, _seen_plate(scan, room, plan, room.floor_z, FLOOR))
     shell = _shell(plan, room)
     hits = _hits(closed, shell, points)
+    above_walls = (
+        (hits >= MIN_HITS) & _above_walls(scan, room, shell) if ceiling else np.zeros(len(hits), dtype=np.bool_)
+    )
+    if above_walls.any():
+        closed = _with_squares(closed, shell.some(above_walls))
+        hits = _hits(closed, shell, points)
     for _ in range(ROUNDS if sides else 0):
         wanted = hits >= MIN_HITS
         if not wanted.any():
@@ -239,6 +250,21 @@ def close_room(
         closed_floor_m2=_area_in_plan(closed, room, FLOOR),
         closed_side_m2=sides_m2,
     )
+
+
+def _above_walls(scan: Scan, room: Room, shell: _Shell) -> BoolArray:
+    """(square,) of the shell's sides that lie above a wall which was scanned only in part, as far as a hand reaches."""
+    faces = face_geometry(scan)
+    upright = of_kinds(scan, faces, *UPRIGHT_KINDS).standing
+    found = np.zeros(len(shell.kind), dtype=np.bool_)
+    if not upright.areas.size:
+        return found
+    side = np.flatnonzero(shell.kind == SIDE)
+    middles = shell.corners[side].mean(axis=1)
+    near = cKDTree(upright.centers[:, :2]).query_ball_point(middles[:, :2], BEYOND_M + WALL_REACH_M)
+    tops = np.array([upright.tops[parts].max() if parts else -np.inf for parts in near])
+    found[side] = (tops >= room.floor_at(middles) + MIN_WALL_M) & (middles[:, 2] > tops)
+    return found
 
 
 def _goes_on_above(scan: Scan, room: Room) -> bool:

@@ -98,7 +98,9 @@ def whole_room(
     found = propose_panes(closed, views, seen=seen)
     notes = (
         *scan.record.notes,
-        *_closing_notes(room, openness, floor_given=floor_z is not None, ceiling_given=ceiling_z is not None),
+        *_closing_notes(
+            room, openness, floor_given=floor_z is not None, ceiling_given=ceiling_z is not None, asked=close
+        ),
         *(_low_walls_notes(room, scan) if openness.closed_ceiling_m2 and ceiling_z is None else ()),
         *_open_notes(room, openness),
         *_outside_notes(room),
@@ -142,7 +144,9 @@ def closing_lines(record: ScanRecord, room: Room) -> Iterator[str]:
         yield f"close = false  # {share} of all directions leave the scan; true closes it there with a default wall"
 
 
-def _closing_notes(room: Room, openness: Openness, *, floor_given: bool, ceiling_given: bool) -> Iterator[str]:
+def _closing_notes(
+    room: Room, openness: Openness, *, floor_given: bool, ceiling_given: bool, asked: bool
+) -> Iterator[str]:
     if openness.closed_ceiling_m2 and room.ceiling_confidence == 0.0:
         none, height = (
             ("no ceiling at the height that is given", "there")
@@ -172,7 +176,13 @@ def _closing_notes(room: Room, openness: Openness, *, floor_given: bool, ceiling
             f"with the typical reflectance of a floor ({typical_in_words('closed floor')}). Write "
             "close_floor = false under [scan] if there is none."
         )
-    if openness.closed_side_m2 >= 1.0:
+    if openness.closed_side_m2 >= 1.0 and not asked:
+        yield (
+            f"Walls that were scanned only in part go on up to the ceiling here: {openness.closed_side_m2:.0f} m² of a "
+            f"default wall ({typical_in_words('closed side')}). Write close_ceiling = false under [scan] if it is open "
+            "there, or scan them up to the ceiling."
+        )
+    elif openness.closed_side_m2 >= 1.0:
         yield (
             f"Open sides of the scan were closed by {openness.closed_side_m2:.0f} m² of a default wall "
             f"({typical_in_words('closed side')}) where the scan ends, as [scan] close asks. The room goes on there in "
@@ -191,8 +201,7 @@ def _low_walls_notes(room: Room, scan: Scan) -> Iterator[str]:
         f"The walls of the scan end at {ends} above the floor, as where they were not scanned up to the ceiling. The "
         f"room's height of {room.height_m:.2f} m is a guess then, and too low, and so are lamps that hang there. Give "
         f"the height of the ceiling under [scan], as ceiling = {room.floor_z + USUAL_HEIGHT_M:.2f} for "
-        f"{USUAL_HEIGHT_M:g} m above the floor, and close = true for the walls up to it (init --ceiling), or scan the "
-        "walls up to the ceiling."
+        f"{USUAL_HEIGHT_M:g} m above the floor (init --ceiling), or scan the walls up to the ceiling."
     )
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.geometry.appearance import CLOSED_KINDS
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.panes.pane import Pane, PaneKind
@@ -14,6 +15,7 @@ from lidarspectra.room.room_planes import Wall
 CELL_M = 0.05  # [m] of a wall; a phone's triangles are about as wide
 START_M = 0.3  # [m] before the wall from which it is looked at: over what hangs flat on it, before most furniture
 COVERED_M = 1.0  # [m] before a wall within which furniture hides it, and its scan may lack it
+SIDE = 2  # place in `CLOSED_KINDS`
 EDGE_M = 0.1  # [m] of floor, ceiling and the walls beside it: rounded in scans, and seen as holes of the wall
 
 
@@ -92,20 +94,21 @@ def wall_view(scan: Scan, room: Room, wall: Wall, caster: RayCaster) -> WallView
     )
     places = in_plane.reshape(-1, 3)
     hits = caster.nearest(places + START_M * wall.normal, -wall.normal)
+    met = hits.met & ~scan.appearance.of_kind(CLOSED_KINDS[SIDE])[hits.face]  # what closes a scan shows no glass
     color = np.zeros((len(places), 3))
-    color[hits.met] = scan.appearance.sample(hits.face[hits.met], hits.barycentric[hits.met])
-    back = hits.met & (caster.normals[hits.face] @ wall.normal < 0.0)
+    color[met] = scan.appearance.sample(hits.face[met], hits.barycentric[met])
+    back = met & (caster.normals[hits.face] @ wall.normal < 0.0)
     covered = caster.blocked(places + START_M * wall.normal, wall.normal, max_distance=COVERED_M - START_M)
-    behind = np.where(hits.met, hits.distance - START_M, np.inf)
+    behind = np.where(met, hits.distance - START_M, np.inf)
     beyond = places - (0.9 * np.clip(behind, 0.0, 1e3)[:, None] * wall.normal)  # just before what is seen there
     return WallView(
         wall=wall,
         origin=np.asarray(places[0], dtype=np.float64) if len(places) else np.zeros(3),
         along=along,
         depth=behind.reshape(shape),
-        face=hits.face.reshape(shape),
+        face=np.where(met, hits.face, -1).reshape(shape),
         color=color.reshape(*shape, 3),
         back=back.reshape(shape),
         covered=covered.reshape(shape),
-        inside=(room.in_plan(beyond) & hits.met).reshape(shape),
+        inside=(room.in_plan(beyond) & met).reshape(shape),
     )

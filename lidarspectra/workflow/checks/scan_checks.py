@@ -150,7 +150,7 @@ def _higher_ceiling(run_file: RunFile, extent: ScanExtent, centers: FloatArray) 
         return ""
     return (
         " If they do hang there and the scan does not reach up to them, give the height of the ceiling under [scan]: "
-        f"ceiling = {top_m + ABOVE_LAMPS_M:.2f}, for instance, with close = true for the walls up to it."
+        f"ceiling = {top_m + ABOVE_LAMPS_M:.2f}, for instance."
     )
 
 
