@@ -144,6 +144,7 @@ CASES = (
     Case(name="no ceiling", damage=rooms.without("ceiling")),
     Case(name="half a ceiling", damage=rooms.half_a_ceiling),
     Case(name="a ceiling around one lamp", damage=rooms.ceiling_around_a_lamp),
+    Case(name="low walls, a ceiling around one lamp", damage=rooms.low_walls),
     Case(name="no floor", damage=rooms.without("floor")),
     Case(name="neither floor nor ceiling", damage=rooms.without("floor", "ceiling")),
     Case(name="ghost behind a mirror of 1 m", damage=rooms.mirrored_at_wall(1.0)),

@@ -213,6 +213,14 @@ def ceiling_around_a_lamp(mesh: Mesh, random: np.random.Generator) -> Mesh:
     return mesh.some(~(overhead & (np.abs(mesh.centers[:, :2] - LAMPS_M[0]).max(axis=1) > 0.7)))
 
 
+def low_walls(mesh: Mesh, random: np.random.Generator) -> Mesh:
+    """Walls as far as a hand reaches, 1.6 to 2.0 m, and of the ceiling what is around a lamp."""
+    x, y, z = mesh.centers.T
+    is_low = z < 1.8 + 0.2 * np.sin(1.3 * x + 2.1 * y)
+    overhead = z > mesh.vertices[:, 2].max() - EDGE_M
+    return ceiling_around_a_lamp(mesh.some(is_low | overhead), random)
+
+
 def mirrored_at_wall(opening_m: float) -> Damage:
     """A ghost of the room behind its east wall, which has an opening so wide and high: a mirror, or a window."""
 
