@@ -43,6 +43,7 @@ EMPTY = {
 ROOM = """
 [scan]
 file = "room scan.glb"
+up = "+y"
 [[lamps]]
 name = 'lamp "one" !rm'
 shape = "panel"
