@@ -154,8 +154,13 @@ class Solved:
         gathered = _gathered(self.exitance, self._met(places, up, rays, generator))
         return np.asarray(self._direct(places, up, lamp_points, generator) + gathered @ LUMINANCE_FROM_SRGB)
 
-    def save_scan(self, path: Path, *, seed: int = 3) -> None:
-        """Write a PLY file with a colour at each corner, where those of a part are its own."""
+    def save_scan(
+        self, path: Path, *, seed: int = 3, shown: float = SHOWN[1], balance: tuple[float, float, float] = (1, 1, 1)
+    ) -> None:
+        """Write a PLY file with a colour at each corner, where those of a part are its own.
+
+        The quantile `SHOWN[0]` is `shown` of white, and the camera leaves the light's hue by a factor on each channel.
+        """
         corners = self.mesh.vertices
         total, weight = np.zeros((len(corners), 3)), np.zeros(len(corners))
         sent = self.exitance / np.pi + self.own[:, None]
@@ -166,7 +171,7 @@ class Solved:
         luminance = radiance @ LUMINANCE_FROM_SRGB
         rising = np.argsort(luminance)
         mass = np.cumsum(weight[rising]) / weight.sum()
-        exposed = radiance * SHOWN[1] / luminance[rising][np.searchsorted(mass, SHOWN[0])]
+        exposed = radiance * balance * shown / luminance[rising][np.searchsorted(mass, SHOWN[0])]
         color = np.rint(255.0 * encode_srgb(np.clip(exposed, 0.0, 1.0))).astype(np.uint8)
         noise = np.random.default_rng(seed).normal(0.0, NOISE_M, corners.shape)
         color = np.hstack([color, np.full((len(color), 1), 255, np.uint8)])

@@ -120,12 +120,20 @@ def _paint_beside(scan: Scan, faces: IntArray, paint: IntArray) -> IntArray:
     return np.asarray(np.where(same.any(axis=1), nearest, -1), dtype=np.int64)
 
 
-def beyond_white(shown: FloatArray, irradiance: FloatArray) -> FloatArray:
+def beyond_white(shown: FloatArray, irradiance: FloatArray, reflectance: FloatArray) -> FloatArray:
     """(face, 3) expected radiosity of faces over the (face, 3) that a picture shows, from (face, 3) irradiance E.
+
+    Their (face, 3) reflectance is right in channels that are not cut.
 
     A face clipped at white in all channels, and so of unknown colour, has at least the reflectance that just reaches
     white, 1/E, and at most that of fresh paint, ρ. With a uniform prior between them its mean radiosity is (1 + ρE)/2.
-    Where E is too low for white (a screen, a window), the shown value is kept.
+    Where E is too low for white (a screen, a window), the shown value is kept. A face that is clipped in some channels,
+    as white ones are in red by warm lamps, reflects as much there as in the others, if that sends more than white.
     """
-    expected = 0.5 * (1.0 + BRIGHTEST_REFLECTANCE * srgb_of_cones(irradiance))
-    return np.where((shown >= CLIPPED).all(axis=1, keepdims=True), np.maximum(expected, 1.0), 1.0)
+    clipped, light = shown >= CLIPPED, srgb_of_cones(irradiance)
+    whole = clipped.all(axis=1, keepdims=True)
+    told = np.where(clipped, 0.0, reflectance).max(axis=1, keepdims=True)
+    expected = np.where(
+        whole, 0.5 * (1.0 + BRIGHTEST_REFLECTANCE * light), np.minimum(told, BRIGHTEST_REFLECTANCE) * light
+    )
+    return np.where(clipped, np.maximum(expected, 1.0), 1.0)

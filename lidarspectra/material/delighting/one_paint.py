@@ -34,6 +34,7 @@ FACE_HUE = 0.2  # [1] the same of one face and a paint: in glare a picture tells
 SAME_PLANE_M = 0.06  # [m]
 FLAT = 0.95  # [1] cosine between planes
 FLOOR = 0.005  # [1] of reflectances before their logarithm
+CUT_WEIGHT = 1e-3  # [1] of a face that is cut in some channel, in the mean of a paint that others tell
 GREEN = 1  # channel by which lightness is told: a picture's least noisy one
 
 
@@ -103,6 +104,7 @@ def one_paint(
     piece: IntArray | None = None,
     shown: FloatArray | None = None,
     clarity: FloatArray | None = None,
+    cut: BoolArray | None = None,
 ) -> Paints:
     """Give each paint the mean of its faces' reflectances.
 
@@ -121,6 +123,8 @@ def one_paint(
         Linear sRGB that the picture shows, by which dark channels are told; none is dark if left out. [0-1]
     clarity : (face,) float, optional
         Weight of a face in the mean of its paint beside its area; 1 if left out. [1]
+    cut : (face, 3) bool, optional
+        Channels that the picture cuts at white, of which a reflectance is the least that it may be; none if left out.
 
     Returns
     -------
@@ -130,6 +134,8 @@ def one_paint(
     group = surface_groups(color, scan.centers, scan.normals, usable, turn_deg=turn_deg, piece=pieces)
     logs = np.log(np.maximum(color, FLOOR))
     weights = scan.areas if clarity is None else scan.areas * clarity
+    if cut is not None:
+        weights = np.where(cut.any(axis=1), CUT_WEIGHT * weights, weights)
     evened, paint = color.copy(), np.full(len(color), -1, dtype=np.int64)
     spread: list[float] = []
     means: list[FloatArray] = []
@@ -139,6 +145,8 @@ def one_paint(
     paint = _without_beyond_white(scan, logs, usable, paint, means)
     if shown is not None:
         paint = _without_dark_hues(scan, logs, usable, paint, means, shown, pieces)
+    if cut is not None:
+        paint = _without_cut_hues(scan, logs, usable, paint, means, cut, pieces)
     for number, mean in enumerate(means):
         member = paint == number
         evened[member] = np.exp(mean)
@@ -204,6 +212,44 @@ def _without_dark_hues(
         hue = apart - apart[:, [GREEN]]
         other = shown[faces] * np.abs(np.expm1(-hue))  # that the paint's hue would show more or less
         same = ((np.abs(hue) < FACE_HUE) | (other < PICTURE_NOISE)).all(axis=1) & (np.abs(apart[:, GREEN]) < ALIKE)
+        same &= (scan.normals[faces] @ patch.normal > FLAT) & (away < SAME_PLANE_M)
+        same &= np.isin(piece[faces], piece[members])
+        changed[faces[same]] = number
+        left[faces[same]] = False
+    return _without_empty(changed, means)
+
+
+def _without_cut_hues(
+    scan: Scan,
+    logs: FloatArray,
+    usable: BoolArray,
+    paint: IntArray,
+    means: list[FloatArray],
+    cut: BoolArray,
+    piece: IntArray,
+) -> IntArray:
+    """(face,) paints, those of what is cut at white in some channels exchanged for the best told that it may be of.
+
+    In warm light a picture cuts red first, so that a white wall turns blue towards its lamp. Of a paint is what lies in
+    its piece of a plane, and is as light and of its hue by the channels that are not cut; in the others the paint
+    reflects no less than what is cut there shows.
+    """
+    told = (paint >= 0) & ~cut.any(axis=1)
+    told_m2 = np.append(np.bincount(paint[told], weights=scan.areas[told], minlength=len(means)), 0.0)  # of no paint, 0
+    left = usable & cut.any(axis=1) & ~cut.all(axis=1)
+    changed = paint.copy()
+    for number in np.argsort(-told_m2[:-1], kind="stable"):
+        faces = np.flatnonzero(left & (told_m2[paint] < told_m2[number]))
+        members = np.flatnonzero(told & (paint == number))
+        if not (faces.size and members.size):
+            continue
+        patch = _Patch.of(scan, logs, members)
+        away = np.abs((scan.centers[faces] - patch.center) @ patch.normal)
+        apart = logs[faces] - means[number]
+        least, most = (np.where(cut[faces], fill, apart) for fill in (np.inf, -np.inf))
+        same = (np.abs(np.where(cut[faces], 0.0, apart)) < ALIKE).all(axis=1)
+        same &= most.max(axis=1) - least.min(axis=1) < FACE_HUE
+        same &= (apart < least.min(axis=1, keepdims=True) + FACE_HUE).all(axis=1)  # light that errs, errs alike
         same &= (scan.normals[faces] @ patch.normal > FLAT) & (away < SAME_PLANE_M)
         same &= np.isin(piece[faces], piece[members])
         changed[faces[same]] = number

@@ -208,10 +208,9 @@ class _Grouping:
         spread, unseen = self.surfaces.spread, self.surfaces.unseen
         reflectance = np.clip(srgb_of_cones(fit.reflectance), *REFLECTANCE_RANGE)
         light = spread @ fit.irradiance
-        excess = unseen.excess(
-            beyond_white(evidence.face_shown, light), evidence.face_shown,
-            face_reflectance(evidence, fit, spread), srgb_of_cones(light),
-        )  # fmt: skip
+        faces = face_reflectance(evidence, fit, spread)
+        excess = beyond_white(evidence.face_shown, light, faces)
+        excess = unseen.excess(excess, evidence.face_shown, faces, srgb_of_cones(light))
         evidence = replace(evidence, face_excess=excess)
         faces = face_reflectance(evidence, fit, spread)
         faces[evidence.face_lamp] = 0.0

@@ -46,13 +46,21 @@ def found_in(scan: Scan, cut: np.ndarray, level: float | np.ndarray, paints: Pai
 
 def test_what_is_cut_at_white_sends_between_white_and_what_fresh_paint_would() -> None:
     shown = np.array([[1.0, 1.0, 0.98], [1.0, 1.0, 0.5]])
-    excess = beyond_white(shown, cones_of_srgb(np.full((2, 3), 2.0)))
+    excess = beyond_white(shown, cones_of_srgb(np.full((2, 3), 2.0)), 0.5 * shown)
     assert excess[0] == pytest.approx([0.5 * (1 + BRIGHTEST_REFLECTANCE * 2.0)] * 3)
     assert excess[1] == pytest.approx([1.0] * 3)
 
 
+def test_what_is_cut_in_red_alone_sends_as_much_of_red_light_as_of_the_others() -> None:
+    light, white = np.array([[2.5, 1.2, 0.7]]), 0.8
+    shown = np.minimum(white * light, 1.0)
+    excess = beyond_white(shown, cones_of_srgb(light), shown / light)
+    np.testing.assert_allclose(shown * excess, white * light)
+
+
 def test_what_its_light_cannot_make_white_sends_no_more_than_it_shows() -> None:
-    assert beyond_white(np.ones((1, 3)), cones_of_srgb(np.full((1, 3), 0.9))) == pytest.approx(np.ones((1, 3)))
+    white = np.ones((1, 3))
+    assert beyond_white(white, cones_of_srgb(0.9 * white), white) == pytest.approx(white)
 
 
 def test_a_ceiling_that_is_cut_beside_a_lamp_has_the_paint_of_the_rest(ceiling: Scan) -> None:

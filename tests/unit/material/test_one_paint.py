@@ -179,3 +179,31 @@ def test_what_would_show_another_blue_even_in_the_dark_keeps_its_own(wall: Scan)
     assert shown[poster].max(axis=0)[2] < 0.01 < shown[~poster & ~door].min(axis=0)[2]
     for member in (poster, door):
         np.testing.assert_allclose(found.color[member], paint[member], rtol=0.01)
+
+
+def in_warm_light(scan: Scan, paint: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(face, 3) reflectance that a picture tells of a paint in warm light that fades along it, and what it cuts."""
+    light = np.array([3.0, 1.7, 1.0]) * (0.5 + 0.5 * scan.centers[:, :1] / SIDE_M)
+    shown = paint * light
+    return np.minimum(shown, 1.0) / light, shown >= 1.0
+
+
+def test_what_warm_light_cuts_in_red_alone_has_the_paint_of_the_rest(wall: Scan) -> None:
+    color, cut = in_warm_light(wall, WALL)
+    assert 0.2 < cut[:, 0].mean() < 0.8
+    assert not cut[:, 1:].any()
+    usable = np.ones(len(wall.faces), dtype=bool)
+    blind = one_paint(wall, color, usable, turn_deg=0.0)
+    assert blind.color[cut[:, 0], 0].min() < 0.9 * WALL[0]
+    found = one_paint(wall, color, usable, turn_deg=0.0, cut=cut)
+    np.testing.assert_allclose(found.color, np.broadcast_to(WALL, found.color.shape), rtol=0.01)
+
+
+def test_a_poster_that_is_cut_in_red_keeps_its_own_where_green_and_blue_are_others(wall: Scan) -> None:
+    poster = (wall.centers[:, 0] > 2.8) & (wall.centers[:, 2] > 2.8)
+    paint = np.where(poster[:, None], [0.6, 0.2, 0.1], WALL)
+    color, cut = in_warm_light(wall, paint)
+    assert cut[poster, 0].mean() > 0.8
+    found = one_paint(wall, color, np.ones(len(poster), dtype=bool), turn_deg=0.0, cut=cut)
+    np.testing.assert_allclose(found.color[poster, 1:], paint[poster, 1:], rtol=0.05)
+    np.testing.assert_allclose(found.color[~poster], paint[~poster], rtol=0.02)
