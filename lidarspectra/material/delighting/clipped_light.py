@@ -120,17 +120,22 @@ def _paint_beside(scan: Scan, faces: IntArray, paint: IntArray) -> IntArray:
     return np.asarray(np.where(same.any(axis=1), nearest, -1), dtype=np.int64)
 
 
-def beyond_white(shown: FloatArray, irradiance: FloatArray, reflectance: FloatArray) -> FloatArray:
-    """(face, 3) expected radiosity of faces over the (face, 3) that a picture shows, from (face, 3) irradiance E.
+def cut_channels(scan: Scan, shown: FloatArray) -> BoolArray:
+    """(face, 3) which channels of (face, 3) colours [1] a picture cuts at white; radiance of frames ends nowhere."""
+    return np.asarray((shown >= CLIPPED) & (scan.appearance.linear is None), dtype=np.bool_)
 
-    Their (face, 3) reflectance is right in channels that are not cut.
+
+def beyond_white(clipped: BoolArray, irradiance: FloatArray, reflectance: FloatArray) -> FloatArray:
+    """(face, 3) expected radiosity of faces over what a picture shows, from (face, 3) irradiance E.
+
+    Which of the (face, 3) channels it cuts at white is `clipped`; in the others the (face, 3) reflectance is right.
 
     A face clipped at white in all channels, and so of unknown colour, has at least the reflectance that just reaches
     white, 1/E, and at most that of fresh paint, ρ. With a uniform prior between them its mean radiosity is (1 + ρE)/2.
     Where E is too low for white (a screen, a window), the shown value is kept. A face that is clipped in some channels,
     as white ones are in red by warm lamps, reflects as much there as in the others, if that sends more than white.
     """
-    clipped, light = shown >= CLIPPED, srgb_of_cones(irradiance)
+    light = srgb_of_cones(irradiance)
     whole = clipped.all(axis=1, keepdims=True)
     told = np.where(clipped, 0.0, reflectance).max(axis=1, keepdims=True)
     expected = np.where(

@@ -20,7 +20,7 @@ from lidarspectra.material.colors import MAX_SATURATED, saturated
 from lidarspectra.material.delighting.albedo import LightFit
 from lidarspectra.material.delighting.beside_paints import settle_beside_paints
 from lidarspectra.material.delighting.cards import Card, contradicted_cards, contradiction_notes
-from lidarspectra.material.delighting.clipped_light import CLIPPED, cut_paint
+from lidarspectra.material.delighting.clipped_light import cut_channels, cut_paint
 from lidarspectra.material.delighting.dark_places import DarkPlaces, black_error, clarity, dark_places
 from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.light_objective import (
@@ -404,7 +404,7 @@ def _of_faces(picture: PictureEvidence, fitted: _Fitted) -> tuple[FloatArray, Fl
         piece=surfaces.piece[nearest_of(spread)],
         shown=evidence.face_shown,
         clarity=clarity(error),
-        cut=evidence.face_shown >= CLIPPED if scan.appearance.linear is None else None,
+        cut=cut_channels(scan, evidence.face_shown),
     )
     dark = dark_places(scan, paints, known & ~aside, error)
     paints = replace(paints, color=dark.color)

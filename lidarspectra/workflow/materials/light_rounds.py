@@ -11,7 +11,7 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.delighting.albedo import LightFit, fit_light
-from lidarspectra.material.delighting.clipped_light import beyond_white
+from lidarspectra.material.delighting.clipped_light import beyond_white, cut_channels
 from lidarspectra.material.delighting.colored_light import BANDS, Exchange, apparent_ratio
 from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE, OF_SOURCE
@@ -209,7 +209,7 @@ class _Grouping:
         reflectance = np.clip(srgb_of_cones(fit.reflectance), *REFLECTANCE_RANGE)
         light = spread @ fit.irradiance
         faces = face_reflectance(evidence, fit, spread)
-        excess = beyond_white(evidence.face_shown, light, faces)
+        excess = beyond_white(cut_channels(self.surfaces.scan, evidence.face_shown), light, faces)
         excess = unseen.excess(excess, evidence.face_shown, faces, srgb_of_cones(light))
         evidence = replace(evidence, face_excess=excess)
         faces = face_reflectance(evidence, fit, spread)

@@ -1,10 +1,13 @@
 """What a picture shows cut at white: paint in strong light, or something that shines."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from lidarspectra.geometry.appearance import LinearLight
 from lidarspectra.geometry.scan import Scan, bare_scan
-from lidarspectra.material.delighting.clipped_light import CutPaint, beyond_white, cut_paint
+from lidarspectra.material.delighting.clipped_light import CLIPPED, CutPaint, beyond_white, cut_channels, cut_paint
 from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.delighting.one_paint import Paints
 from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
@@ -46,7 +49,7 @@ def found_in(scan: Scan, cut: np.ndarray, level: float | np.ndarray, paints: Pai
 
 def test_what_is_cut_at_white_sends_between_white_and_what_fresh_paint_would() -> None:
     shown = np.array([[1.0, 1.0, 0.98], [1.0, 1.0, 0.5]])
-    excess = beyond_white(shown, cones_of_srgb(np.full((2, 3), 2.0)), 0.5 * shown)
+    excess = beyond_white(shown >= CLIPPED, cones_of_srgb(np.full((2, 3), 2.0)), 0.5 * shown)
     assert excess[0] == pytest.approx([0.5 * (1 + BRIGHTEST_REFLECTANCE * 2.0)] * 3)
     assert excess[1] == pytest.approx([1.0] * 3)
 
@@ -54,13 +57,25 @@ def test_what_is_cut_at_white_sends_between_white_and_what_fresh_paint_would() -
 def test_what_is_cut_in_red_alone_sends_as_much_of_red_light_as_of_the_others() -> None:
     light, white = np.array([[2.5, 1.2, 0.7]]), 0.8
     shown = np.minimum(white * light, 1.0)
-    excess = beyond_white(shown, cones_of_srgb(light), shown / light)
+    excess = beyond_white(shown >= CLIPPED, cones_of_srgb(light), shown / light)
     np.testing.assert_allclose(shown * excess, white * light)
 
 
 def test_what_its_light_cannot_make_white_sends_no_more_than_it_shows() -> None:
     white = np.ones((1, 3))
-    assert beyond_white(white, cones_of_srgb(0.9 * white), white) == pytest.approx(white)
+    assert beyond_white(white >= CLIPPED, cones_of_srgb(0.9 * white), white) == pytest.approx(white)
+
+
+def test_radiance_of_frames_is_cut_nowhere(ceiling: Scan) -> None:
+    """Of a texture its two red channels would be; to count them as cut would add to what was seen."""
+    count = len(ceiling.faces)
+    light = LinearLight(
+        power_deviation=0.05, shoulder_deviation=0.1, face_deviation=np.zeros(count), face_cut=np.zeros(count)
+    )
+    frames = replace(ceiling, appearance=replace(ceiling.appearance, linear=light))
+    shown = np.broadcast_to([1.1, 0.8, 0.5], (count, 3))
+    np.testing.assert_array_equal(cut_channels(ceiling, shown), np.broadcast_to([True, False, False], (count, 3)))
+    assert not cut_channels(frames, shown).any()
 
 
 def test_a_ceiling_that_is_cut_beside_a_lamp_has_the_paint_of_the_rest(ceiling: Scan) -> None:
