@@ -121,14 +121,21 @@ def _paint_beside(scan: Scan, faces: IntArray, paint: IntArray) -> IntArray:
 
 
 def cut_channels(scan: Scan, shown: FloatArray) -> BoolArray:
-    """(face, 3) which channels of (face, 3) colours [1] a picture cuts at white; radiance of frames ends nowhere."""
-    return np.asarray((shown >= CLIPPED) & (scan.appearance.linear is None), dtype=np.bool_)
+    """(face, 3) which channels of (face, 3) colours [1] are known to be so bright at least.
+
+    A picture cuts each at white. Radiance of frames ends nowhere, but what every frame shows white is above it in all.
+    """
+    clipped = shown >= CLIPPED
+    if scan.appearance.linear is not None:
+        clipped = clipped & clipped.all(axis=1, keepdims=True)
+    return np.asarray(clipped, dtype=np.bool_)
 
 
 def beyond_white(clipped: BoolArray, irradiance: FloatArray, reflectance: FloatArray) -> FloatArray:
     """(face, 3) expected radiosity of faces over what a picture shows, from (face, 3) irradiance E.
 
-    Which of the (face, 3) channels it cuts at white is `clipped`; in the others the (face, 3) reflectance is right.
+    Which of the (face, 3) channels are cut is `clipped` (`cut_channels`); in the others the (face, 3) reflectance is
+    right.
 
     A face clipped at white in all channels, and so of unknown colour, has at least the reflectance that just reaches
     white, 1/E, and at most that of fresh paint, ρ. With a uniform prior between them its mean radiosity is (1 + ρE)/2.

@@ -404,7 +404,7 @@ def _of_faces(picture: PictureEvidence, fitted: _Fitted) -> tuple[FloatArray, Fl
         piece=surfaces.piece[nearest_of(spread)],
         shown=evidence.face_shown,
         clarity=clarity(error),
-        cut=cut_channels(scan, evidence.face_shown),
+        cut=cut_channels(scan, evidence.face_shown) if scan.appearance.linear is None else None,
     )
     dark = dark_places(scan, paints, known & ~aside, error)
     paints = replace(paints, color=dark.color)

@@ -66,8 +66,8 @@ def test_what_its_light_cannot_make_white_sends_no_more_than_it_shows() -> None:
     assert beyond_white(white >= CLIPPED, cones_of_srgb(0.9 * white), white) == pytest.approx(white)
 
 
-def test_radiance_of_frames_is_cut_nowhere(ceiling: Scan) -> None:
-    """Of a texture its two red channels would be; to count them as cut would add to what was seen."""
+def test_radiance_of_frames_is_cut_in_all_channels_or_in_none(ceiling: Scan) -> None:
+    """To count what is bright in red alone as cut would add to what was seen."""
     count = len(ceiling.faces)
     light = LinearLight(
         power_deviation=0.05, shoulder_deviation=0.1, face_deviation=np.zeros(count), face_cut=np.zeros(count)
@@ -76,6 +76,7 @@ def test_radiance_of_frames_is_cut_nowhere(ceiling: Scan) -> None:
     shown = np.broadcast_to([1.1, 0.8, 0.5], (count, 3))
     np.testing.assert_array_equal(cut_channels(ceiling, shown), np.broadcast_to([True, False, False], (count, 3)))
     assert not cut_channels(frames, shown).any()
+    assert cut_channels(frames, np.full((count, 3), 0.98)).all()
 
 
 def test_a_ceiling_that_is_cut_beside_a_lamp_has_the_paint_of_the_rest(ceiling: Scan) -> None:
